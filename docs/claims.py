@@ -218,7 +218,7 @@ def datasets() -> Found:
 
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "expert-v0"
-        dataset.write_dataset(dataset.source_of("expert", "FourRReach-v0"), 1000, 0, folder)
+        dataset.write_dataset("expert", "FourRReach-v0", 1000, 0, folder)
         return {"MB": sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6}
 
 

@@ -63,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--lanes", type=int, default=4096)
     p.add_argument("--rounds", type=int, default=10)
     written(p)
-    p = study(effects, "effects", "cost of every effect and scene, and whether ceilings hold")
+    p = study(measure, "effects", "cost of every effect and scene, and whether ceilings hold")
     p.add_argument("name", nargs="*", metavar="NAME", help="effect or scene; default: all")
     configured(p, "effects")
     written(p)
@@ -85,10 +85,6 @@ def parser() -> argparse.ArgumentParser:
             help="judge the same intervals at each of these, m (default: each family at its own)",
         )  # fmt: skip
         written(p)
-    p = study(measure, "estimates", "errors of single steps beside their estimates")
-    p.add_argument("--steps", type=int, default=16384, help="of each family")
-    p.add_argument("--seed", type=int, default=0)
-    written(p)
     p = study(accuracy, "accuracy", "error against cost, beside MuJoCo and SciPy")
     configured(p, "accuracy")
     p.add_argument("--out", type=Path, default=OUT, metavar="FOLDER")
@@ -127,38 +123,30 @@ MEASURED: dict[str, tuple[str, Callable[[Any, Any], list[Row]]]] = {
     "stops": ("states", lambda of, o: of.run(of.policies(o), o.lanes)),
     "impacts": ("family", _families),
     "intervals": ("family", _families),
-    "estimates": ("estimate", lambda of, o: of.run(o.steps, o.seed)),
 }
 """Studies whose result is a table: the first column that is printed for each row, and how they are run."""
-LEAST = {"intervals": 1, "steps": 1, "seed": 0, "processes": 1}
+LEAST = {"intervals": 1, "seed": 0, "processes": 1, "lanes": 8, "rounds": 1}
 """Least values of options."""
 
 
-def measure(options: argparse.Namespace, *pictures: str) -> tuple[list[Row], Path]:
+def measure(options: argparse.Namespace) -> None:
     """Write the rows of a study as CSV and print them; what is common to all is printed once."""
-    for name, least in (*LEAST.items(), *([("lanes", 8)] if options.study == "stops" else [])):
+    for name, least in LEAST.items():
         if getattr(options, name, least) < least:
             raise ValueError(f"{name} is {getattr(options, name)}; give at least {least}")
     of = importlib.import_module(f"studies.{'intervals' if options.study == 'impacts' else options.study}")
     path: Path = options.out if options.out.suffix == ".csv" else options.out / f"{options.study}.csv"
     read = [getattr(options, name, None) for name in ("config", "run")]
-    check_kept([path, *map(path.with_name, pictures)], options.force, [*filter(None, read)])
+    check_kept([path], options.force, [*filter(None, read)])
     first, run = MEASURED[options.study]
     rows, start = run(of, options), of.COLUMNS.index(first)
     write_rows(rows, of.COLUMNS, path)
     if rows:
         say(", ".join(f"{c} {rows[0][c]}" for c in of.COLUMNS[:start] if rows[0][c]))
     say(table(of.COLUMNS[start:], ([row[c] for c in of.COLUMNS[start:]] for row in rows)))
+    if hasattr(of, "verdict"):
+        say(of.verdict(rows))
     say(path)
-    return rows, path
-
-
-def effects(options: argparse.Namespace) -> None:
-    """Time effects and scenes beside bare arms; write a table and a picture."""
-    from studies import effects as study
-
-    rows, path = measure(options, "effects.png", "effects.svg")
-    say(study.verdict(rows), *study.save_pictures(rows, path.parent), sep="\n")
 
 
 def accuracy(options: argparse.Namespace) -> None:
@@ -181,12 +169,10 @@ def accuracy(options: argparse.Namespace) -> None:
 
 def policy(options: argparse.Namespace) -> None:
     """Evaluate policies under several physics, and train under the cheapest."""
-    from redundant_envs_train.run_folder import check_drawing
     from redundant_envs_train.training.pool import Stopped
     from studies.policy.settings import load_study
 
     study = load_study(_config(options), options.overrides)
-    check_drawing()
     from studies.policy.report import write_report
     from studies.policy.run import run_study
 
@@ -201,13 +187,11 @@ def policy(options: argparse.Namespace) -> None:
 
 def strength(options: argparse.Namespace) -> None:
     """Compare learners with computed torque under weaker and weaker motors."""
-    from redundant_envs_train.run_folder import check_drawing
     from redundant_envs_train.training.pool import seeds_of
     from studies import strength as study
 
     seeds = [] if options.seeds == "none" else seeds_of(options.seeds)
     factors = study.factors_of(options.factors) if options.factors else study.FACTORS
-    check_drawing()
     say(study.run_study(factors, seeds, options.episodes, options.runs, options.processes, options.out))
 
 

@@ -18,10 +18,9 @@ from redundant_envs.support.progress import counted
 from redundant_envs.support.timing import by_turns
 from studies import accuracy_metrics as metrics
 from studies import peers
-from studies.account_of_contacts import contact_motion
 from studies.accuracy_config import PEERS, Panel, States, Study
-from studies.accuracy_long import Free, error_names, free_motions, long_metrics, second_reference
-from studies.accuracy_methods import Method, installed, long_methods, panel_methods
+from studies.accuracy_methods import Method, MuJoCo, Ours, installed, long_methods, panel_methods
+from studies.another_account import contact_motion
 from studies.speed import dgemm, dgemm_rate, one_core
 
 Array = NDArray[np.float64]
@@ -33,6 +32,7 @@ COLUMNS = (
     *STAMP, *WHAT, "ns_best", "ns_median", "evaluations", "tip_mm_median", "tip_mm_p99", "tip_mm_max",
     "q_p99", "qd_p99", "floor_mm",
 )  # fmt: skip
+LONG_COLUMNS = *STAMP, *WHAT, "energy_rate_median", "energy_rate_95"
 ROUNDS_PER_DGEMM = 2
 DGEMM = -1
 """Stands for the product of matrices among the numbers of configurations."""
@@ -48,26 +48,18 @@ class Agreement(NamedTuple):
 
 
 class PanelResult(NamedTuple):
-    """Results of a panel, from a run or, but for the last two, from its tables."""
+    """Results of a panel, from a run or, but for the last one, from its tables."""
 
     panel: Panel
     rows: list[Row]  # of COLUMNS, one for each configuration
-    long_rows: list[Row]  # of long_columns
+    long_rows: list[Row]  # of LONG_COLUMNS
     floor: float  # error of the reference itself, m: smaller ones cannot be measured
     agreements: Sequence[Agreement] = ()  # with itself with twice the steps, then with others
-    free: Free | None = None
-
-
-def long_columns(study: Study) -> tuple[str, ...]:
-    """Columns of the table of long motions."""
-    tips = [f"tip_mm_{name}" for name in error_names(study)]
-    measured = [*tips, "energy_rate", "momentum", "penetration_mm", "impact_time_s"]
-    return *STAMP, *WHAT, "lyapunov_exponent", *(f"{m}_{x}" for m in measured for x in ("median", "95"))
 
 
 def run(study: Study) -> list[PanelResult]:
     """The whole study; reports its progress on standard error."""
-    total = sum(2 + len(panel_methods(study, p)) + len(long_methods(study, p)) for p in study.panels)
+    total = sum(1 + len(panel_methods(study, p)) + len(long_methods(study, p)) for p in study.panels)
     with one_core(), counted("accuracy", total) as done:
         return [run_panel(study, panel, study.seed + i, done) for i, panel in enumerate(study.panels)]
 
@@ -79,8 +71,6 @@ def run_panel(study: Study, panel: Panel, seed: int, done: Callable[[str], None]
     reference = metrics.end(scene, start, study.control_dt)
     agreements = check_reference(study, panel, scene, start, reference[0])
     done(f"{panel.name}: reference")
-    free = free_motions(study, panel, start)
-    done(f"{panel.name}: Lyapunov exponent {free.exponent:.3g} 1/s")
     rounds, rows, long_rows = study.timing.rounds, list[Row](), list[Row]()
     samplers, fewer = {DGEMM: dgemm()}, {DGEMM: max(4, rounds // ROUNDS_PER_DGEMM)}
     for k, method in enumerate(panel_methods(study, panel)):
@@ -96,9 +86,8 @@ def run_panel(study: Study, panel: Panel, seed: int, done: Callable[[str], None]
     def go_on(turns: int) -> None:
         """Measure long motions between the rounds, since the speed of a machine changes within seconds."""
         for method in methods[len(long_rows) : round(len(methods) * turns / rounds)]:
-            row = {**name(panel, method), "lyapunov_exponent": free.exponent, **long_metrics(method, free)}
-            long_rows.append(row)
-            done(f"{panel.name}: {free.seconds:g} s of {method.line}, {method.setting}; timing")
+            long_rows.append({**name(panel, method), **energy_rates(study, panel, method, scene, start)})
+            done(f"{panel.name}: long motions of {method.line}, {method.setting}; timing")
 
     times = by_turns(samplers, rounds, fewer, done=go_on)
     for k, row in enumerate(rows):
@@ -111,7 +100,7 @@ def run_panel(study: Study, panel: Panel, seed: int, done: Callable[[str], None]
         row.update(stamp)
     for row in rows:
         row["floor_mm"] = 1e3 * floor
-    return PanelResult(panel, rows, long_rows, floor, agreements, free)
+    return PanelResult(panel, rows, long_rows, floor, agreements)
 
 
 def name(panel: Panel, method: Method) -> Row:
@@ -132,11 +121,12 @@ def check_reference(
         metres = float(metrics.tip_error(scene, q, reference[: len(q)]).max())
         return Agreement(by, len(q), metres, metrics.digits(metres, reach))
 
-    other, seconds = second_reference(panel, scene), scene.control_dt
+    seconds, substeps = scene.control_dt, max(64, 2 * scene.substeps)
+    other = panel.scene(seconds, integrator="rk8", substeps=substeps)
     found = [agreement(f"rk8, {other.substeps} steps", metrics.end(other, start, seconds)[0])]
     rtol, stops = study.reference.scipy_rtol, metrics.stops(scene)
     if stops is not None and installed("scipy"):
-        q, _ = contact_motion(scene, few, rtol)
+        q = contact_motion(scene, few, rtol)
         found.append(agreement(f"SciPy's DOP853 with events, rtol {rtol:.0e}", q))
     elif "scipy" in panel.peers and installed("scipy"):
         q = peers.scipy_motion(scene, "DOP853", rtol, few, seconds)[0]
@@ -159,6 +149,19 @@ def interval_errors(method: Method, scene: Scene, start: States, reference: tupl
         "q_p99": metrics.quantile(metrics.largest_error(q, reference[0]), 0.99),
         "qd_p99": metrics.quantile(metrics.largest_error(qd, reference[1]), 0.99),
     }
+
+
+def energy_rates(study: Study, panel: Panel, method: Ours | MuJoCo, scene: Scene, start: States) -> Row:
+    """Change of the energy of free motions per second, relative to what raises the stretched arm upright."""
+    if not metrics.keeps_energy(scene):
+        return {}
+    long = study.long_runs
+    q, qd, efforts = (x[: long.states] for x in start)
+    ends = method.motion(scene, (q, qd, np.zeros_like(efforts)), long.seconds)[:2]
+    scale = metrics.energy_scale(scene, 0.5 * np.add(panel.low, panel.high)) * long.seconds
+    rates = np.abs(metrics.energy(scene, *ends) - metrics.energy(scene, q, qd)) / scale
+    shares = {"median": 0.5, "95": 0.95}
+    return {f"energy_rate_{name}": metrics.quantile(rates, share) for name, share in shares.items()}
 
 
 class Answer(NamedTuple):

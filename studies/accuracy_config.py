@@ -67,8 +67,6 @@ class Panel(Model):
     effort_sd: Four
     effort_share: Real = number(..., 0, 1, "share of the states with efforts")
     peers: tuple[Literal["mujoco", "scipy"], ...]
-    bar: Positive | None = None
-    """Goal for the ratio of MuJoCo's cost to ours at every threshold."""
 
     def scene(self, control_dt: float, **stepping: Any) -> Scene:
         """The scene with the given stepping."""
@@ -98,9 +96,7 @@ class LongRuns(Model):
     """Motions beyond a control interval, without efforts."""
 
     states: Count
-    seconds: Positive  # of the motions whose energy and momentum are measured
-    lyapunov_seconds: Positive  # of the motions on which the exponent is measured
-    lyapunov_times: tuple[Positive, ...]  # of the errors, in units of 1/exponent
+    seconds: Positive  # of the motions whose energy is measured
     ours: OurSweep  # the configurations of the study that are used
     mujoco: MuJoCoSweep
 

@@ -1,8 +1,7 @@
 """Configurations of the accuracy study: ours, MuJoCo's and SciPy's, with the same methods each.
 
 ``motion`` gives q and qd after a duration [s], (n, 4), and the mean evaluations of a control interval;
-``timer`` a function that measures s of one core per control interval of one arm; and ``path`` q of a motion
-without efforts at equal times, (T, n, 4), and its impacts, if they are known.
+and ``timer`` a function that measures s of one core per control interval of one arm.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.model.trajectory import simulate
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.timing import seconds
 from studies import peers
@@ -26,9 +24,6 @@ from studies.accuracy_metrics import stops
 from studies.speed import second_call
 
 Array = NDArray[np.float64]
-
-Impacts = list[tuple[int, float]] | None
-"""Index of a motion, and the time at which one of its sliders met a stop, s; in the order of time."""
 
 EVALUATIONS = {"Euler": 1, "implicitfast": 1, "implicit": 1, "RK4": 4}
 """Evaluations of the right-hand side in one MuJoCo step."""
@@ -81,11 +76,6 @@ class Ours:
         evaluations = [batch.advance(start[2]).evaluations.mean() for _ in range(intervals)]
         return batch.q, batch.qd, float(np.mean(evaluations))
 
-    def path(self, scene: Scene, start: States, seconds: float, samples: int) -> tuple[Array, Impacts]:
-        times = np.linspace(0.0, seconds, samples + 1)[1:]
-        motion = simulate(self.scene(scene), *start[:2], times)
-        return motion.q, [(e.lane, e.time) for e in motion.events if "impact" in e.kind]
-
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
         sample = second_call(self.batch(scene, start), start[2])
         return lambda: sample() / len(start[0])
@@ -122,17 +112,6 @@ class MuJoCo:
     def motion(self, scene: Scene, start: States, seconds: float) -> tuple[Array, Array, float]:
         q, qd, _ = peers.mujoco_motion(scene, self.model(scene), start, seconds)
         return q, qd, float(EVALUATIONS[self.integrator] * self.substeps)
-
-    def path(self, scene: Scene, start: States, seconds: float, samples: int) -> tuple[Array, Impacts]:
-        # Whole steps only: a long step gives fewer samples.
-        steps = max(1, round(seconds / samples * self.substeps / scene.control_dt))
-        interval = steps * scene.control_dt / self.substeps
-        q, qd, rest = start[0], start[1], np.zeros_like(start[0])
-        path = []
-        for _ in range(round(seconds / interval)):
-            q, qd, _ = self.motion(scene, (q, qd, rest), interval)
-            path.append(q)
-        return np.array(path), None
 
     def timer(self, scene: Scene, start: States) -> Callable[[], float]:
         model = self.model(scene)

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from redundant_envs.effects import Gravity
+from redundant_envs.effects import CentringSpring, Gravity
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scenes.scene import Scene
 from studies.accuracy_config import States
 
 Array = NDArray[np.float64]
-
-OFFSET = 1e-7
-"""Distance of two motions whose separation gives the Lyapunov exponent, rad, m, rad/s and m/s."""
 
 
 def stops(scene: Scene) -> dict[int, tuple[float, float]] | None:
@@ -84,54 +80,11 @@ def energy_scale(scene: Scene, middle: ArrayLike) -> float:
     return float(arm.potential_energy(upright) - arm.potential_energy(level))
 
 
-def weightless(scene: Scene) -> Scene:
-    """The same scene with g = 0: the same simulator, another number."""
-    effects = tuple(dataclasses.replace(e, g=0.0) if isinstance(e, Gravity) else e for e in scene.effects)
-    return dataclasses.replace(scene, effects=effects)
-
-
-def momentum_error(scene: Scene, start: States, end: tuple[Array, Array]) -> Array:
-    """Change of the angular momentum about the base, (n,), in units of the median one of the starts."""
-    arm: Any = scene.robot
-    before = arm.angular_momentum(*start[:2])
-    finite = finite_states(*end)
-    with np.errstate(all="ignore"):
-        change = np.abs(arm.angular_momentum(*end) - before) / np.median(np.abs(before))
-    return np.where(finite & np.isfinite(change), change, np.inf)
-
-
-def penetration(path: Array, ends: dict[int, tuple[float, float]]) -> Array:
-    """Largest penetration of the stops by sliders in each motion, (n,), m; path is (T, n, 4)."""
-    beyond = [np.maximum(low - path[..., k], path[..., k] - high) for k, (low, high) in ends.items()]
-    deepest = np.maximum(np.max(beyond, axis=(0, 1)), 0.0)
-    return np.where(np.isfinite(deepest), deepest, np.inf)
-
-
-def lyapunov(scene: Scene, start: States, seconds: float, seed: int = 0) -> Array:
-    """Largest Lyapunov exponent of the free motion from each state, (n,), 1/s, after Benettin: two motions
-    start ``OFFSET`` apart, and after each control interval the second is moved back to that distance."""
-    q, qd, _ = start
-    n = len(q)
-    low, high = np.full(4, -np.inf), np.full(4, np.inf)
-    for joint, ends in (stops(scene) or {}).items():
-        low[joint], high[joint] = ends
-    apart = np.random.default_rng(seed).normal(size=(n, 8))
-    batch = BatchSimulator(scene, 2 * n)
-    second = np.arange(n, 2 * n)
-    batch.set_state(q, qd, np.arange(n))
-    growth = np.zeros(n)
-    intervals = round(seconds / scene.control_dt)
-    for _ in range(intervals):
-        q, qd = batch.q[:n], batch.qd[:n]
-        apart *= OFFSET / np.linalg.norm(apart, axis=1, keepdims=True)
-        near_q, near_qd = np.clip(q + apart[:, :4], low, high), qd + apart[:, 4:]
-        before = np.linalg.norm(np.concatenate([near_q - q, near_qd - qd], axis=1), axis=1)
-        batch.set_state(near_q, near_qd, second)
-        batch.advance()
-        q, qd = batch.q, batch.qd
-        apart = np.concatenate([q[n:] - q[:n], qd[n:] - qd[:n]], axis=1)
-        growth += np.log(np.linalg.norm(apart, axis=1) / before)
-    return growth / (intervals * scene.control_dt)
+def keeps_energy(scene: Scene) -> bool:
+    """Whether only the integrator can change the energy of a free motion."""
+    values = scene.parameters()
+    lossless = (Gravity, CentringSpring)
+    return all(isinstance(e, lossless) or values.get(f"{e.key}.restitution") == 1.0 for e in scene.effects)
 
 
 def digits(difference: float, scale: float) -> float:

@@ -1,26 +1,48 @@
 # mypy: allow-untyped-defs
 """A control interval by another account, which shares with the simulator the laws of single effects alone:
-point masses as complex numbers, a dense mass matrix, and the extrapolated midpoint rule with steps of each
-lane's own. It has no elimination, no events and no pieces; a change of a law makes steps short."""
+point masses as complex numbers and a dense mass matrix, without any elimination. SciPy's DOP853 integrates
+them in the angles and travels of the joints and locates events; what a joint without a rate does, and which
+stops an impact involves, is found by trying every possibility. A lane takes up to a second."""
 
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from redundant_envs.effects.hooks import Field, Force, Friction, Gap, Impact, Impulse, Inertia
+from redundant_envs.effects.hooks import SPEED, Field, Force, Friction, Gap, Impact, Impulse, Inertia
 from redundant_envs.scenes.scene import Scene
 
-COLUMNS = 2.0 * np.arange(1, 7)
-"""Substeps of the columns of an extrapolation: the last one has order 12, the error is that of order 10."""
-MIN_STEP = 1e-11
-"""A step this small as a share of the interval is taken whatever its error: a law changes in it."""
-MAX_STEPS = 100
-NOT_TOLD = Friction, Impact, Gap, Impulse
-"""Hooks that this account does not know."""
+BOUNCE = 1e-15
+"""A joint whose bounce stays below this comes to rest, rad or m."""
+SLOW = 1e-13
+"""A rate into a stop that counts as none."""
+TORN = 1e-12
+"""Share of the limit of a friction by which holding a joint has to exceed it."""
+MAX_EVENTS = 400
+MIN_STEPS, SHORTEST = 40, 1e-18
+ELSEWHERE = -np.inf, np.inf, 0.0
+"""Ends and restitution of a joint without stops."""
+
+
+def tells(scene: Scene) -> bool:
+    """Whether this account knows everything in a scene."""
+    return not scene.attached.of(Gap, Impulse)
+
+
+def complementary(W, d):
+    """p >= 0 with W p - d >= 0 and p (W p - d) = 0, by trying every set."""
+    n = len(d)
+    for count in range(n + 1):
+        for chosen in itertools.combinations(range(n), count):
+            p, k = np.zeros(n), list(chosen)
+            p[k] = np.linalg.solve(W[np.ix_(k, k)], d[k])
+            if (p >= 0.0).all() and (W @ p - d >= -1e-12 * np.abs(d).max()).all():
+                return p
+    raise ArithmeticError(f"no impulses fit the mobility {W.tolist()} and the speeds {d.tolist()}")
 
 
 class Known(dict[str, Any]):
@@ -30,13 +52,10 @@ class Known(dict[str, Any]):
         return [self[name] for name in names]
 
 
-def tells(scene: Scene) -> bool:
-    """Whether it knows everything in a scene."""
-    return not scene.attached.of(*NOT_TOLD)
-
-
 class Account:
-    """Lanes of a scene with numbers of their own, by name, and commands, (lanes, joints)."""
+    """One lane of a scene with numbers of its own, by name, and commands, (1, joints). States y have angles
+    and travels of joints, their rates, and states of effects; those of joints that have been at a stop count
+    from there, so that the lowest bounce has all its digits."""
 
     def __init__(self, scene: Scene, numbers: Mapping[str, np.ndarray], commands: np.ndarray) -> None:
         self.scene, self.arm, self.B = scene, scene.robot, np.asarray(scene.robot.motor_map)
@@ -46,6 +65,17 @@ class Account:
         x: Any = Known(self.given)
         self.instants = [(a, np.asarray(a.functions["after"](x))) for a in scene.attached.instants]
         self.moving = [name for a in scene.attached for name, f in a.states.items() if "derivative" in f]
+        n = len(self.arm.joints)
+        self.n, self.rates, self.inverse = n, slice(n, 2 * n), np.linalg.inv(self.B)
+        self.origin, self.loose = np.zeros(n), set[int]()
+        self.stops = {
+            a.hook.joint: tuple(
+                float(x[a.parameter(name)][0]) for name in (a.hook.lower, a.hook.upper, a.hook.restitution)
+            )
+            for a in scene.attached.of(Impact)
+        }
+        self.frictions = scene.attached.of(Friction)
+        self.rough = {a.hook.joint for a in self.frictions}
 
     def points(self, x, q, qd=None):
         """Point masses, (lanes,) complex each, and their Jacobians and accelerations at qdd = 0."""
@@ -65,13 +95,6 @@ class Account:
             place = place + length * direction
             found.append((place, J, bias))
         return found
-
-    def slope(self, known, y):
-        """Rates of coordinates, velocities and states of effects."""
-        n = len(self.arm.joints)
-        M, forces, rates, _ = self.equations(known, y)
-        qdd = np.linalg.solve(M, forces[:, :, None])[:, :, 0]
-        return np.concatenate([y[:, n : 2 * n], qdd, rates], axis=1)
 
     def equations(self, known, y):
         """Mass matrix, (lanes, joints, joints), forces, rates of states of effects, and all quantities."""
@@ -116,54 +139,228 @@ class Account:
         rates = [np.broadcast_to(changes[name], len(q)) for name in self.moving]
         return M, forces, np.array(rates).reshape(-1, len(q)).T, x
 
+    def terms(self, y):
+        """Mobilities W, accelerations without contacts, rates of states, and limits of friction."""
+        q, qd = self.motion(y)
+        M, forces, changes, x = self.equations(self.known, np.concatenate([q, qd, y[2 * self.n :]])[None])
+        W, free = (self.B.T @ np.linalg.solve(M[0], right) for right in (self.B, forces[0]))
+        limits = np.zeros(self.n)
+        for a in self.frictions:
+            law, speed = a.functions["limit"], np.abs(y[self.rates][[a.hook.joint]])
+            limits[a.hook.joint] += law.on(speed if name == SPEED else x[name] for name in law.names)[0]
+        return W, free, changes[0], limits
+
+    def motion(self, y):
+        """Coordinates and velocities, (joints,) each."""
+        return (self.origin + y[: self.n]) @ self.inverse, y[self.rates] @ self.inverse
+
+    def ends(self, k):
+        """The stops of a joint, from its origin."""
+        low, high, _ = self.stops.get(k, ELSEWHERE)
+        return low - self.origin[k], high - self.origin[k]
+
+    def side(self, y, k):
+        """Side of the stop that a joint is at; 0 if it is at none."""
+        low, high = self.ends(k)
+        return 1.0 if y[k] >= high else -1.0 if y[k] <= low else 0.0
+
+    def arrive(self, y, k, end):
+        """Put the origin of a joint at its stop, ``end`` from the present one, where it is."""
+        self.origin[k], y[k] = self.origin[k] + end, 0.0
+
+    def moved(self, terms, modes):
+        """Accelerations of joints, and forces along them: those with the mode 0 are held, others slip."""
+        W, free, _, limits = terms
+        push, held = -limits * modes, np.flatnonzero(modes == 0.0)
+        push[held] = -np.linalg.solve(W[np.ix_(held, held)], (free + W @ push)[held])
+        a = free + W @ push
+        a[held] = 0.0
+        return a, push
+
+    def modes(self, y):
+        """What the joints do, and the terms: 1 and -1 slip that way, 0 is held by friction or a stop."""
+        terms, given = self.terms(y), np.sign(y[self.rates])
+        given[[k for k in range(self.n) if k not in self.stops and k not in self.rough]] = 1.0
+        still = np.flatnonzero(given == 0.0)
+        off, best = np.inf, given
+        for some in itertools.product((0.0, 1.0, -1.0), repeat=len(still)):
+            tried = given.copy()
+            tried[still] = some
+            here = self.contradiction(y, terms, tried, still)
+            if here < off:
+                off, best = here, tried
+        return best, terms
+
+    def contradiction(self, y, terms, modes, still):
+        """By how much the accelerations contradict the modes of joints without a rate; 0 if they do not."""
+        (W, _, _, limits), (a, push) = terms, self.moved(terms, modes)
+        found = [0.0]
+        for k in still:
+            side = self.side(y, k)
+            if modes[k] == 0.0:
+                off = W[k, k] * (self.held_by(push[k], side) - limits[k])
+                found.append(np.inf if k in self.loose else off)
+            else:
+                found.append(np.inf if modes[k] == side else -modes[k] * a[k])
+        return max(found)
+
+    @staticmethod
+    def held_by(push, side):
+        """What friction has to hold a joint with: a stop holds it in one direction."""
+        return abs(push) if side == 0.0 else side * push
+
+    def struck(self, y):
+        """The state after all impacts of an instant, and their joints. Stops that are struck, and those at
+        which joints rest, support the arm; a joint that moves out is not supported, and may be struck
+        next."""
+        hit = set()
+        for _ in range(MAX_EVENTS):
+            at = [k for k in self.stops if self.side(y, k)]
+            sides = np.array([self.side(y, k) for k in at])
+            into = sides * y[self.rates][at]
+            if not (into > SLOW).any():
+                y[self.n + np.array(at, int)[into > 0.0]] = 0.0
+                return y, hit
+            W, free, *_ = self.terms(y)
+            supports = (into > SLOW) | ((abs(into) <= SLOW) & (sides * free[at] >= 0.0))
+            s, own = np.flatnonzero(supports), W[np.ix_(at, at)] * np.outer(sides, sides)
+            bounce = np.array([self.stops[k][2] for k in at]) * np.maximum(into, 0.0)
+            p = np.zeros(len(at))
+            p[s] = complementary(own[np.ix_(s, s)], (into + bounce)[s])
+            y = y.copy()
+            y[self.rates] -= W[:, at] @ (sides * p)
+            for i in np.flatnonzero(p > 0.0):
+                y[self.n + at[i]] = -sides[i] * bounce[i]
+                hit.add(at[i])
+        raise ArithmeticError("impacts do not end")
+
+    def settled(self, y, hit):
+        """The state without bounces that are too low; who leaves a stop without an impact does not rest."""
+        modes, terms = self.modes(y)
+        (W, _, _, limits), (a, _) = terms, self.moved(terms, modes)
+        at = [k for k in self.stops if self.side(y, k)]
+        low = []
+        for k in at:
+            rate, press = y[self.n + k], self.side(y, k) * a[k] - 2.0 * W[k, k] * limits[k]
+            fades = (self.stops[k][2] < 1.0 and k in hit) or abs(rate) <= SLOW
+            pressed = press > 0.0 and self.side(y, k) * rate < 0.0
+            low += [k] if fades and pressed and rate * rate <= 2.0 * press * BOUNCE else []
+        if low:
+            y, held = y.copy(), [k for k in at if k in low or y[self.n + k] == 0.0]
+            y[self.rates] -= W[:, held] @ np.linalg.solve(W[np.ix_(held, held)], y[self.rates][held])
+            y[self.rates][held] = 0.0
+        return y
+
     def after(self, q, qd, states, error):
-        """Tips at the end of the interval, (lanes, 2) m, of steps with some ``error``, relative to 1 and to
-        the numbers; NaN for lanes that take too many."""
+        """The tip at the end of the interval, (1, 2) m; NaN after too many events."""
+        try:
+            q, _ = self.motion_after(q, qd, states, error)
+        except ArithmeticError:
+            return np.full((1, 2), np.nan)
+        tip = self.points(self.given, q[None])[-1][0]
+        return np.stack([tip.real, tip.imag], axis=1)
+
+    def motion_after(self, q, qd, states, error):
+        """Coordinates and velocities then, (joints,) each."""
         self.given |= states
-        count, dt = len(q), self.scene.control_dt
-        y = np.concatenate([q, qd, *(states[name][:, None] for name in self.moving)], axis=1)
-        t, h = np.zeros(count), np.full(count, dt / 16.0)
-        breaks = [np.where((at >= 0.0) & (at < dt), at, np.inf) + np.zeros(count) for _, at in self.instants]
-        for _ in range(MAX_STEPS):
-            (lanes,) = np.nonzero(t < dt)
-            if not len(lanes):
+        dt, t = self.scene.control_dt, 0.0
+        y = np.concatenate([q[0] @ self.B, qd[0] @ self.B, *(states[name] for name in self.moving)])
+        for k in self.stops:
+            if side := self.side(y, k):
+                self.arrive(y, k, self.ends(k)[side > 0.0])
+        for end in sorted({float(at[0]) for _, at in self.instants if 0.0 < at[0] < dt} | {dt}):
+            passed = {a.passed: np.where((at >= 0.0) & (at <= t), 1.0, 0.0) for a, at in self.instants}
+            self.known = self.given | passed
+            y, t = self.crossed(y, t, end, error), end
+        return self.motion(y)
+
+    def crossed(self, y, t, end, error):
+        """The state at the end of a piece of the interval."""
+        for _ in range(MAX_EVENTS):
+            if t >= end:
+                return y
+            y = self.settled(*self.struck(y))
+            modes, terms = self.modes(y)
+            self.loose.clear()
+            t, y = self.to_event(y, modes, self.moved(terms, modes)[0], t, end, error)
+        raise ArithmeticError("events do not end")
+
+    def to_event(self, y, modes, a, t, end, error):
+        """The time and state of the next event, or of the end. SciPy sees events at the ends of its steps
+        alone: these start short, as bounces may be, and end where a joint turns; if it turns beyond its stop,
+        again until then."""
+        from scipy.integrate import solve_ivp
+
+        def slope(_, y):
+            terms = self.terms(y)
+            return np.concatenate([y[self.rates], self.moved(terms, modes)[0], terms[2]])
+
+        events, until, longest = self.events(y, modes), end, self.scene.control_dt / MIN_STEPS
+        leaving = [k for k in self.stops if modes[k] and self.side(y, k) and y[self.n + k] * a[k]]
+        first = max(min([longest, *(0.25 * abs(y[self.n + k] / a[k]) for k in leaving)]), SHORTEST)
+        while True:
+            found = solve_ivp(  # atol is the stricter one where a coordinate is below 1
+                slope, (t, until), y, "DOP853", events=[e for e, _ in events], rtol=max(error, 3e-14),
+                atol=1e-2 * error, first_step=min(first, until - t), max_step=longest,
+            )  # fmt: skip
+            if not found.success:
+                raise ArithmeticError(found.message)
+            time, after = float(found.t[-1]), found.y[:, -1].copy()
+            ends = {k: self.ends(k) for k in self.stops}
+            if time == until or all(low <= after[k] <= high for k, (low, high) in ends.items()):
                 break
-            now = t[lanes]
-            nexts = [np.where(at[lanes] > now, at[lanes], dt) for at in breaks]
-            end = np.min([np.full(len(lanes), dt), *nexts], axis=0)
-            whole = now + 1.01 * h[lanes] >= end
-            step = np.where(whole, end - now, h[lanes])
-            known = {name: value[lanes] for name, value in self.given.items()}
-            for (a, _), at in zip(self.instants, breaks, strict=True):
-                known[a.passed] = np.where(at[lanes] <= now, 1.0, 0.0)
-            with np.errstate(all="ignore"):
-                best, off = extrapolated(functools.partial(self.slope, known), y[lanes], step)
-                off = (off / (1.0 + np.abs(y[lanes]))).max(axis=1) / error
-            off = np.where(np.isfinite(off), off, 1e9)
-            taken = (off <= 1.0) | (step <= MIN_STEP * dt)
-            done = lanes[taken]
-            y[done] = best[taken]
-            t[done] = np.where(whole, end, now + step)[taken]
-            h[lanes] = step * np.clip(0.9 * np.maximum(off, 1e-12) ** (-1.0 / 11.0), 0.1, 4.0)
-        n = len(self.arm.joints)
-        tip = self.points(self.given, y[:, :n])[-1][0]
-        return np.where((t < dt)[:, None], np.nan, np.stack([tip.real, tip.imag], axis=1))
+            until = time
+        for (_, then), times in zip(events, found.t_events, strict=True):
+            if len(times):
+                then(after)
+        return time, after
+
+    def events(self, y, modes):
+        """Functions whose passage through 0 ends the modes, and what to do with the state then."""
+        return [event for k in sorted({*self.stops, *self.rough}) for event in self.events_of(k, y, modes)]
+
+    def events_of(self, k, y, modes):
+        """Those of a joint: what holds it tears, or it comes to rest or to a stop."""
+        if modes[k] == 0.0:
+            side = self.side(y, k)
+
+            def torn(y):  # by how much what holds the joint exceeds the limit of its friction
+                terms = self.terms(y)
+                push = self.moved(terms, modes)[1][k]
+                return self.held_by(push, side) - terms[3][k] * (1.0 + TORN) - SLOW
+
+            return [(_event(torn, 1.0), lambda y: self.loose.add(k))]
+
+        def stands(y):
+            y[self.n + k] = 0.0
+
+        found = [(_event(lambda y: y[self.n + k], -modes[k]), stands)]
+        for end, way in zip(self.ends(k), (-1.0, 1.0), strict=True):
+            if np.isfinite(end):
+                beyond = _event(lambda y, end=end, way=way: way * (y[k] - end), 1.0)
+                found.append((beyond, functools.partial(self.arrive, k=k, end=end)))
+        return found
+
+
+def contact_motion(scene, start, error):
+    """Coordinates after an interval of a scene with its own numbers, (lanes, joints); ``start`` has
+    coordinates, velocities and efforts, (lanes, joints) each."""
+    numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
+    lanes = zip(*start, strict=True)
+    return np.array(
+        [Account(scene, numbers, u[None]).motion_after(q[None], qd[None], {}, error)[0] for q, qd, u in lanes]
+    )
 
 
 def complex_of(pair):
     return pair[0] + 1j * np.asarray(pair[1])
 
 
-def extrapolated(slope, y, step):
-    """A step from y, and its error: midpoint rules of some substeps, extrapolated to none (Gragg 1965)."""
-    first, table = slope(y), []
-    for j, count in enumerate(COLUMNS):
-        h = (step / count)[:, None]
-        before, here = y, y + h * first
-        for _ in range(int(count) - 1):
-            before, here = here, before + 2.0 * h * slope(here)
-        row = [0.5 * (here + before + h * slope(here))]
-        for k in range(j):
-            row.append(row[k] + (row[k] - table[k]) / ((count / COLUMNS[j - k - 1]) ** 2 - 1.0))
-        last, table = table, row
-    return table[-1], np.abs(table[-1] - last[-1])
+def _event(function, direction):
+    """A terminal event of SciPy."""
+
+    def asked(_, y):
+        return function(y)
+
+    asked.terminal, asked.direction = True, direction
+    return asked

@@ -1,6 +1,6 @@
 """Families of control intervals drawn by seed: every effect that changes a motion, alone and beside another.
-The references are the same scene at smaller tolerances, and, for some lanes and all that are off, the
-accounts :mod:`studies.another_account` and :mod:`studies.account_of_contacts`, where they know the scene."""
+The references are the same scene at smaller tolerances, and, for some lanes and all that are off,
+:mod:`studies.another_account`, where it knows the scene."""
 
 from __future__ import annotations
 
@@ -20,9 +20,7 @@ from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.verify.accuracy import agree
-from studies import account_of_contacts, another_account, drawing
-from studies.account_of_contacts import ContactAccount
-from studies.another_account import Account
+from studies import another_account, drawing
 from studies.interval_families import LaneSamples, chosen, decades
 
 Array = NDArray[np.float64]
@@ -163,17 +161,17 @@ class DrawnFamily:
         """Tips by another account, (count, 2), m; NaN where it does not know them. Where it does not confirm
         ``others``, it has to give the same with smaller steps."""
         scene, inverse = self.scene(), np.linalg.inv(self.robot.motor_map)
-        alone = account_of_contacts.tells(scene)
-        if not alone and not another_account.tells(scene):
+        if not another_account.tells(scene):
             return np.full((len(drawn.joints), 2), np.nan)
 
-        def crossed(d: LaneSamples, error: float) -> Array:
-            if alone and len(d.joints) != 1:
-                each = [crossed(chosen(d, np.array([k])), error) for k in range(len(d.joints))]
-                return np.concatenate([np.empty((0, 2)), *each])
-            account = (ContactAccount if alone else Account)(scene, d.parameters, d.efforts)
-            tips: Array = account.after(d.joints @ inverse, d.rates @ inverse, d.states, max(error, 1e-13))
-            return tips
+        def crossed(lanes: LaneSamples, error: float) -> Array:
+            found = [np.empty((0, 2))]
+            for k in range(len(lanes.joints)):
+                d = chosen(lanes, np.array([k]))
+                account = another_account.Account(scene, d.parameters, d.efforts)
+                tip = account.after(d.joints @ inverse, d.rates @ inverse, d.states, max(error, 1e-13))
+                found.append(tip)
+            return np.concatenate(found)
 
         tips = crossed(drawn, 1e-4 * self.tolerance)
         (apart,) = np.nonzero(np.isfinite(tips[:, 0]) & ~agree([tips, others], self.tolerance))

@@ -7,7 +7,6 @@ import functools
 import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from redundant_envs.effects import OWN
@@ -17,8 +16,6 @@ from redundant_envs.envs import cost
 from redundant_envs.scenes.files import config_folder, read_text
 from redundant_envs.scenes.scene import Scene, load_scene, scene_names
 from redundant_envs.support.extras import needs
-from redundant_envs.support.figures import bare as bare_axes
-from redundant_envs.support.figures import new_figure, save_figure
 from redundant_envs.support.machine import versions
 from redundant_envs.support.values import check_keys
 from redundant_envs_train.config import Model, Real, Whole, load_model, number
@@ -144,33 +141,3 @@ def verdict(rows: Sequence[Mapping[str, Any]]) -> str:
     missed = [f"{r['of']} at {r['at']} ({r['times_bare']} > {r['ceiling']})" for r in judged if not r["held"]]
     told = f"{len(judged) - len(missed)} of {len(judged)} ceilings hold"
     return f"{told}; not {', '.join(missed)}" if missed else told
-
-
-def figure(rows: Sequence[Mapping[str, Any]]) -> Any:
-    """Times bare of effects and scenes, with their ceilings; a panel for each accuracy."""
-    names = list(dict.fromkeys(row["of"] for row in rows if not row["of"].startswith(BARE)))[::-1]
-    made = new_figure(9.0, 1.4 + 0.24 * len(names), 150)
-    panels = made.subplots(1, len(cost.TOLERANCES), sharey=True)
-    for panel, accuracy in zip(panels, cost.TOLERANCES, strict=True):
-        of = {row["of"]: row for row in rows if row["at"] == accuracy}
-        times = [of[name]["times_bare"] for name in names]
-        panel.barh(range(len(names)), [t - 1.0 for t in times], left=1.0, height=0.6, color="#0072B2")
-        most = [(of[name]["ceiling"], k) for k, name in enumerate(names) if of[name]["ceiling"] != ""]
-        if most:
-            panel.plot(*zip(*most, strict=True), "|", color="#D55E00", ms=9, mew=2, label="ceiling")
-            panel.legend(frameon=False, fontsize=8, loc="lower right")
-        panel.axvline(1.0, color="0.3", lw=0.8)
-        panel.set_xscale("log")
-        ticks = [t for t in (0.5, 1, 2, 5, 10, 100, 1000, 10000) if t <= 2.0 * max(times, default=1.0)]
-        panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
-        panel.minorticks_off()
-        panel.set_title(f"at {accuracy}", loc="left", fontsize=10)
-        panel.set_xlabel("time of a control step, times bare [logarithmic]", fontsize=9)
-        bare_axes(panel)
-    panels[0].set_yticks(range(len(names)), names, fontsize=8)
-    return made
-
-
-def save_pictures(rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
-    """Draw the figure as PNG and SVG."""
-    return [save_figure(figure(rows), folder / f"effects.{kind}") for kind in ("png", "svg")]

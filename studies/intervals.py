@@ -24,7 +24,6 @@ from redundant_envs.model.batch import BatchSimulator, Numerics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.progress import counted
 from redundant_envs.verify.accuracy import judge
-from studies import account_of_contacts
 from studies.drawn_families import DrawnFamily
 from studies.interval_families import FAMILIES, Family, LaneSamples, chosen
 from studies.stop_families import NAMED, StopFamily, drawn_families
@@ -36,8 +35,8 @@ COLUMNS = (
 BATCH = 4096
 DRAWN = {"impacts": 12, "intervals": 60}
 """Families drawn by the seed beside the named ones: every effect alone, then each beside another."""
-TOLD, TOLD_WITH_CONTACTS, MAX_TOLD = 12, 2, 48
-"""Lanes of a batch that another account crosses, those with contacts, and the most of those that are off."""
+TOLD, MAX_TOLD = 2, 48
+"""Lanes of a batch that another account crosses, and the most of those that are off."""
 
 Array = NDArray[np.float64]
 AnyFamily = Family | StopFamily | DrawnFamily
@@ -132,8 +131,7 @@ def judge_tolerances(
 
 def told_of(family: DrawnFamily, drawn: LaneSamples, best: Array, doubtful: NDArray[np.bool_]) -> Array:
     """Tips by another account, (count, 2), m, of some lanes and of doubtful ones; NaN of the others."""
-    few = TOLD_WITH_CONTACTS if account_of_contacts.tells(family.scene()) else TOLD
-    some = np.arange(len(doubtful)) % (len(doubtful) // few + 1) == 0
+    some = np.arange(len(doubtful)) % (len(doubtful) // TOLD + 1) == 0
     tips = np.full((len(doubtful), 2), np.nan)
     (lanes,) = np.nonzero(some | (doubtful & (doubtful.cumsum() <= MAX_TOLD)))
     tips[lanes] = family.told(chosen(drawn, lanes), best[lanes])

@@ -4,36 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from redundant_envs.effects import Actuation, Effect, Force, Link
+from redundant_envs.effects import Actuation, Effect, Force
 from redundant_envs.effects.hooks import Hook
-from redundant_envs.language.algebra import clamp, maximum, minimum, physics
+from redundant_envs.language.algebra import clamp, physics
 from redundant_envs.robots.arm import Arm
 
-MOTOR = {"command": "command{n}", "rate": "phid{n}"}
 
-
-def on_each_joint(arm, hook, law, given, *more, **how):
+def on_each_joint(arm, hook, law, given, **how):
     """A hook on each joint; in names of what its law is given, {k} is the joint's index, {n} its number."""
     joints = range(len(arm.joints))
     names = [{name: at.format(k=k, n=k + 1) for name, at in given.items()} for k in joints]
-    return tuple(hook(k, law, names[k], *more, **how) for k in joints)
-
-
-@physics
-def drag(rate, coefficient):
-    return -coefficient * rate * abs(rate)
-
-
-@dataclass(frozen=True)
-class QuadraticDrag(Effect):
-    """Drag with the square of a joint's rate: its second derivative jumps where the rate changes its sign."""
-
-    coefficients: float | tuple[float, ...]  # N m s^2/rad^2 or N s^2/m^2
-
-    of_joints = ("coefficients",)
-
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return on_each_joint(arm, Force, drag, {"rate": "phid{n}", "coefficient": ".coefficients[{k}]"})
+    return tuple(hook(k, law, names[k], **how) for k in joints)
 
 
 @physics
@@ -61,28 +42,6 @@ class SmoothFriction(Effect):
 
 
 @physics
-def below_curve(command, rate, stall, free_rate):
-    """At most the stall effort, which decreases as the joint moves faster with it; a driven motor brakes."""
-    most = stall * (1.0 - rate / free_rate)
-    least = stall * (-1.0 - rate / free_rate)
-    return minimum(maximum(command, maximum(least, -stall)), minimum(most, stall))
-
-
-@dataclass(frozen=True)
-class TorqueSpeed(Effect):
-    """Motors whose effort falls with speed, from ``stalls`` to 0 at ``free_rate``."""
-
-    stalls: float | tuple[float, ...]  # N m or N
-    free_rate: float = 3.0  # rad/s or m/s
-
-    of_joints = ("stalls",)
-
-    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        given = MOTOR | {"stall": ".stalls[{k}]", "free_rate": ".free_rate"}
-        return on_each_joint(arm, Actuation, below_curve, given, Link.TORQUE_SPEED)
-
-
-@physics
 def clipped_velocity_effort(command, rate, gain, limit):
     return clamp(command - gain * rate, -limit, limit)
 
@@ -97,7 +56,7 @@ class VelocityController(Effect):
     of_joints = ("gains", "limits")
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        given = MOTOR | {"gain": ".gains[{k}]", "limit": ".limits[{k}]"}
+        given = {"command": "command{n}", "rate": "phid{n}", "gain": ".gains[{k}]", "limit": ".limits[{k}]"}
         return on_each_joint(arm, Actuation, clipped_velocity_effort, given)
 
 
@@ -111,8 +70,6 @@ class Kinked:
 
 
 KINKED = (
-    Kinked("quadratic drag", QuadraticDrag(0.1), {"coefficients": (1e-2, 3.0)}),
     Kinked("smooth friction", SmoothFriction(0.5), {"levels": (1e-2, 3.0), "scale": (0.05, 1.0)}),
-    Kinked("torque-speed curve", TorqueSpeed(4.0), {"stalls": (1.0, 5.0), "free_rate": (2.0, 10.0)}),
     Kinked("clipped velocity", VelocityController(1.0, 3.0), {"gains": (0.05, 1.0), "limits": (0.5, 5.0)}),
 )

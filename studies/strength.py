@@ -16,7 +16,6 @@ from redundant_envs.control import holding_load, lightest_pose, pose_at
 from redundant_envs.control.holding import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.robots.parameters import number
 from redundant_envs.scenes.files import text_value
 from redundant_envs.scenes.scene import load_scene, scene_at, scene_data
 from redundant_envs.support import bounded
@@ -27,9 +26,9 @@ from redundant_envs.support.values import shown
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs_train.config import Config, checked, load
 from redundant_envs_train.evidence.curves import EXPERT_COLOR, LEARNER_COLORS
-from redundant_envs_train.evidence.runs import Run, read_runs
+from redundant_envs_train.evidence.runs import Run, read_groups
 from redundant_envs_train.rollout import EVALUATION_SEED, expert_act, run_episodes
-from redundant_envs_train.run_folder import check_study, evaluate_anew
+from redundant_envs_train.run_folder import check_study
 from redundant_envs_train.statistics import wilson
 from redundant_envs_train.training.many import train_many
 from redundant_envs_train.training.pool import count_of
@@ -45,7 +44,6 @@ LEARNERS = ("PPO", "SAC")
 COLORS = {EXPERT: EXPERT_COLOR, LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
 MAX_FACTORS, MAX_FACTOR = 100, 10.0
-ROUNDING = 1e-9
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 """Arguments of an environment that do not change its goals and its hold success."""
 TRAINED = ("ppo", "sac")
@@ -68,22 +66,7 @@ class Row:
     high: float
     touch_success: float | None  # share of the goals; None for HOLDABLE
     seeds: int  # of trained policies; 0 without training
-    episodes: int  # goals, of each seed; the fewest if seeds differ
-
-    def __post_init__(self) -> None:
-        for name, valid in (("arm", ARMS), ("who", (HOLDABLE, *COLORS))):
-            if getattr(self, name) not in valid:
-                raise ValueError(f"{name} is {shown(getattr(self, name))}; choose {', '.join(valid)}")
-        if not number("factor", self.factor) > 0.0:
-            raise ValueError(f"factor is {self.factor}; it must be positive")
-        for name in ("seeds", "episodes"):
-            if not isinstance(count := getattr(self, name), int):
-                raise ValueError(f"{name} is {shown(count)}; give a whole number")
-        if not 0.0 <= self.low <= self.hold_success <= self.high <= 1.0:
-            raise ValueError(
-                f"hold_success is {self.hold_success} in {self.low} to {self.high}; give shares from 0 to 1 "
-                "with low <= hold_success <= high"
-            )
+    episodes: int  # goals, of each seed
 
 
 COLUMNS = tuple(field.name for field in dataclasses.fields(Row))  # of the CSV file
@@ -142,44 +125,25 @@ def _share(held: NDArray[np.bool_]) -> tuple[float, float, float]:
 
 
 def learner_rows(places: Sequence[Path]) -> list[Row]:
-    """Rows of the evaluated runs of :func:`read_runs`: one for the seeds of an arm, factor and learner.
-    ValueError for another task, or a scene that is no reach scene with all limits times one factor."""
-    found: dict[Key, list[Run]] = {}
-    for run in read_runs(places) if places else ():
+    """Rows of evaluated runs: one for the seeds of an arm, factor and learner. ValueError for another task,
+    or a scene that is no reach scene with all limits times one factor."""
+    rows: dict[Key, Row] = {}
+    for same in read_groups(places) if places else ():
+        run, seeds = same.runs[0], [one.evaluation for one in same.runs]
         arm = next((arm for arm, (env, _) in ARMS.items() if env == run.env), None)
         if arm is None:
             known = " or ".join(env for env, _ in ARMS.values())
             raise ValueError(f"{run.folder} is of {run.env}; give {known}")
         if run.learner not in COLORS:
             raise ValueError(f"{run.folder} is a run of {run.learner}; give {', '.join(LEARNERS)}")
-        key = (arm, _factor(run, arm), run.learner)
-        same = found.setdefault(key, [])
-        if run.seed in [other.seed for other in same]:
-            raise ValueError(f"{run.folder} is a second run of seed {run.seed}; leave one out")
-        same.append(run)
-        own = [{k: v for k, v in r.settings.items() if k != "env_kwargs"} for r in (same[0], run)]
-        if own[0] != own[1]:
-            other = same[0].folder
-            raise ValueError(f"{run.folder} has other settings than {other}; give runs of one setting")
-    rows = []
-    for key, runs in sorted(found.items()):
-        names = "hold_success", "touch_success", "episodes"
-        held, touched, goals = ([run.evaluation[name] for run in runs] for name in names)
-        low, high = zip(*map(_ends, runs), strict=True)
-        mean = float(np.mean(held))
-        rows.append(Row(*key, mean, min(low), max(high), float(np.mean(touched)), len(runs), min(goals)))
-    return rows
-
-
-def _ends(run: Run) -> tuple[float, float]:
-    """The interval of a run, whose ends rounding may put on the wrong side of its hold success."""
-    (low, high), hold = run.evaluation["interval"], run.evaluation["hold_success"]
-    if not low - ROUNDING <= hold <= high + ROUNDING:
-        raise ValueError(
-            f"{run.folder}/evaluation.json has the hold success {hold:g} outside its interval {low:g} to "
-            f"{high:g}; make it again: {evaluate_anew(run.folder)}"
-        )
-    return min(low, hold), max(high, hold)
+        key = arm, _factor(run, arm), run.learner
+        if key in rows:
+            raise ValueError(f"{run.folder} has other settings than other runs; give runs of one setting")
+        held, touched = (float(np.mean(same.numbers(f"{name}_success"))) for name in ("hold", "touch"))
+        low, high = zip(*(one["interval"] for one in seeds), strict=True)
+        goals = run.evaluation["episodes"]
+        rows[key] = Row(*key, held, min(*low, held), max(*high, held), touched, len(seeds), goals)
+    return [rows[key] for key in sorted(rows)]
 
 
 def _factor(run: Run, arm: str) -> float:

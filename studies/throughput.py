@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import platform
-import re
 from collections.abc import Callable
 from typing import Any, Literal, Self
 
@@ -16,7 +14,7 @@ from redundant_envs.compiler.backends import llvm
 from redundant_envs.compiler.backends.processors import AVX2
 from redundant_envs.effects import Gravity, LimitSpring, ViscousFriction
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.model.programs import batch_simulator, traced_batch
+from redundant_envs.model.programs import traced_batch
 from redundant_envs.robots import RPRP, Arm, Chain, FourR
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.extras import needs
@@ -31,17 +29,11 @@ with needs("train"):
 
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "dgemm_gflops", "arm", "integrator",
-    "lanes", "ns_per_step_best", "ns_per_step_median", "bar_ns", "scaled_bar_ns", "within_bar",
-    "tolerance", "evaluations_mean", "bar_evaluations", "share_below_tolerance",
-    "packed_instructions", "vector_register", "avx2_over_avx512", "compile_seconds",
+    "lanes", "ns_per_step_best", "ns_per_step_median", "tolerance", "evaluations_mean",
+    "share_below_tolerance", "avx2_over_avx512", "compile_seconds",
 )  # fmt: skip
 DGEMM_TURNS = 20
 """Products of matrices among the timed calls of a case."""
-PACKED = re.compile(r"^\s+v?[a-z0-9]+pd\s.*?%?\b([xyz])mm\d", re.MULTILINE)
-REGISTERS = {"z": "zmm", "y": "ymm", "x": "xmm"}
-"""Vector registers, widest first."""
-
-
 ARMS: dict[str, Callable[[], Arm]] = {
     "FourR": lambda: FourR((0.5,) * 4, (0.25,) * 4),
     "RPRP": lambda: RPRP((0.5,) * 4, (0.25,) * 2),
@@ -55,15 +47,10 @@ class Case(Model):
 
     arm: Literal["FourR", "RPRP", "Chain RRRR", "Chain RPRP"]
     integrator: Literal["euler", "rk4", "rk8"]
-    bar_ns: Real = number(..., 1e-3, 1e9, "time that a step shall not exceed", "ns")
     tolerance: Real | None = number(None, 1e-13, 1.0, "tip error per control interval", "m")
-    bar_evaluations: Real | None = number(None, 1.0, 1e6, "evaluations that it shall not exceed")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if (self.tolerance is None) != (self.bar_evaluations is None):
-            given = f"tolerance is {self.tolerance} and bar_evaluations is {self.bar_evaluations}"
-            raise ValueError(f"{given}; give both or none")
         if self.tolerance is not None and self.arm != "FourR":
             given = f"arm is {self.arm!r} and tolerance is {self.tolerance}"
             raise ValueError(f"{given}; a tolerance needs FourR")
@@ -86,7 +73,6 @@ class Study(Model):
 
     lanes: Whole = number(..., 1, 1e6, "lanes of a batch")
     repeats: Whole = number(..., 1, 1e6, "timed calls of each case")
-    bar_gflops: Real = number(..., 1e-3, 1e6, "dgemm rate of the machine of the bars", "GFLOP/s")
     cases: tuple[Case, ...]
 
 
@@ -144,14 +130,6 @@ def compile_seconds(scene: Scene) -> float:
     return seconds(lambda: llvm.object_code(traced_batch(scene, track_work=False).program))
 
 
-def packed_instructions(scene: Scene) -> tuple[int | None, str]:
-    """Packed double instructions of ``advance``, and the widest register among them; None, if not on x86."""
-    if platform.machine().lower() not in ("x86_64", "amd64"):
-        return None, ""
-    found = PACKED.findall(llvm.assembly(batch_simulator(scene, track_work=False).program))
-    return len(found), next((REGISTERS[r] for r in "zyx" if r in found), "")
-
-
 def run(study: Study) -> list[dict[str, Any]]:
     """Time every case of the study; one row of ``COLUMNS`` for each."""
     rows, about = [], versions()
@@ -166,26 +144,17 @@ def run(study: Study) -> list[dict[str, Any]]:
             )
             rate, step = dgemm_rate(times["dgemm"]), 1e9 / (study.lanes * scene.substeps)
             best = step * float(times["step"].best)
-            scaled = case.bar_ns * study.bar_gflops / rate
-            count, register = packed_instructions(scene)
             ratio = avx2_over_avx512(make, study.repeats)
             rows.append({
                 **about, "dgemm_gflops": round(rate, 2), "arm": case.arm, "integrator": case.integrator,
                 "lanes": study.lanes, "ns_per_step_best": round(best, 2),
-                "ns_per_step_median": round(step * float(times["step"].median), 2), "bar_ns": case.bar_ns,
-                "scaled_bar_ns": round(scaled, 2), "within_bar": best <= scaled,
-                "tolerance": blank(case.tolerance), "bar_evaluations": blank(case.bar_evaluations),
+                "ns_per_step_median": round(step * float(times["step"].median), 2),
+                "tolerance": case.tolerance or "",
                 "evaluations_mean": round(figures[0], 2) if figures else "",
                 "share_below_tolerance": round(figures[1], 5) if figures else "",
-                "packed_instructions": blank(count), "vector_register": register,
                 "avx2_over_avx512": "" if ratio is None else round(ratio, 2),
                 "compile_seconds": round(compile_seconds(scene), 2),
             })  # fmt: skip
             to = f" to {case.tolerance} m" if figures else ""
             done(f"{case.arm} {case.integrator}{to} {best:.1f} ns, spread {100 * times['step'].spread:.0f} %")
     return rows
-
-
-def blank(value: float | None) -> float | str:
-    """The cell of a number that may be missing."""
-    return "" if value is None else value

@@ -24,7 +24,7 @@ from redundant_envs.envs import registration
 from redundant_envs.language.algebra import physics
 from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.checks import random_states
-from studies.account_of_contacts import ContactAccount
+from studies.another_account import Account
 from tests.verify import aimed
 from tests.verify.aimed import Lag, Play
 
@@ -290,7 +290,7 @@ def by_another_account(scene, q, qd, efforts):
     numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
     return np.array(
         [
-            ContactAccount(scene, numbers, efforts[[k]]).motion_after(q[[k]], qd[[k]], {}, 1e-13)
+            Account(scene, numbers, efforts[[k]]).motion_after(q[[k]], qd[[k]], {}, 1e-13)
             for k in range(len(q))
         ]
     )

@@ -44,9 +44,9 @@ MAKE = "import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')"
 ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
 SCENE = f"{ARM} from studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
 MISSING = {
-    "matplotlib": ("plot", [SIMULATE, "studies accuracy", TRAIN, f"{AGENTS} curves RUN"]),
+    "matplotlib": ("plot", [SIMULATE, "studies accuracy", f"{AGENTS} curves RUN"]),
     "PIL": ("plot", [SIMULATE]),
-    "imageio": ("plot", [f"{SIMULATE} --clip a.gif", TRAIN, f"{PLAY} --clip a.gif"]),
+    "imageio": ("plot", [f"{SIMULATE} --clip a.gif", f"{PLAY} --clip a.gif"]),
     "imageio_ffmpeg": ("plot", [f"{SIMULATE} --clip a.mp4"]),
     "stable_baselines3": (
         "train", [TRAIN, f"{AGENTS} evaluate RUN", "studies policy", "studies stops RUN", MAKE],

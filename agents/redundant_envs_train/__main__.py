@@ -6,8 +6,6 @@ from redundant_envs import __version__
 from redundant_envs.support.modules import status_of, take_imports
 from redundant_envs.support.values import say
 
-from .presets import is_override, preset_path
-
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command to its exit status, that of :func:`status_of`."""
@@ -22,10 +20,6 @@ def _run(words: list[str]) -> int:
     if words[:1] == ["study"]:
         told = " ".join(("python -m studies", *words[1:]))
         raise ValueError(f"studies are in the source tree alone; write there: {told}")
-    if words[:1] in (["train"], ["tune"]) and len(words) > 1:
-        first = words[1]  # a wrong name is refused before even the large parser is imported
-        if not first.startswith("-") and not is_override(first):
-            preset_path(first)
     from .commands import run
 
     return run(words)

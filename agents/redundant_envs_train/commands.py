@@ -12,13 +12,12 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.values import check_between, say, shown
 
 from . import COMMAND, command, run_folder
-from .config import WITHOUT_EFFECT, Config, check_telemetry, complete, load, page_of_keys
+from .config import WITHOUT_EFFECT, Config, check_telemetry, load
+from .config.files import is_override, page_of_keys, presets
 from .evidence import curves as curve_pictures
 from .evidence import table as tables
-from .evidence.runs import TABLE, read_groups, read_places, read_run, write_runs
-from .presets import is_override, presets
-from .start import with_start
-from .training.pool import Stopped, count_of, seeds_of
+from .evidence.runs import TABLE, read_groups, read_places, write_runs
+from .training.pool import Stopped, seeds_of
 
 with needs("train"):
     import pydantic  # noqa: F401 - typer imports it while it reads the words
@@ -33,6 +32,8 @@ with needs("train"):
 Training = Annotated[
     str, Argument(help="YAML file, a preset's name, or env=ID without one", autocompletion=presets)
 ]
+OVERRIDES = "key=value, such as seed=3 ppo.gamma=0.98; tune does not search what has a value"
+Overrides = Annotated[list[str] | None, Argument(help=OVERRIDES)]
 Folder = Annotated[Path, Argument(help="run folder")]
 PolicyFolder = Annotated[Path, Argument(help="run folder, or folder of an exported policy")]
 Runs = Annotated[
@@ -80,11 +81,10 @@ def run(arguments: list[str]) -> int:
         if type(error).__name__ == "NoArgsIsHelpError":
             say(message, file=sys.stderr)
             return 2
-        if context is None:
-            raise ValueError(f"{message.rstrip('.')}; see {COMMAND} --help") from None
-        names = context.command.list_commands(context) if hasattr(context.command, "list_commands") else []
+        names = getattr(context and context.command, "commands", {})
         more = f"choose {', '.join(names)}; or " if names else ""
-        raise ValueError(f"{message.rstrip('.')}; {more}see {context.command_path} --help") from None
+        path = context.command_path if context else COMMAND
+        raise ValueError(f"{message.rstrip('.')}; {more}see {path} --help") from None
     return 0
 
 
@@ -94,9 +94,7 @@ def run(arguments: list[str]) -> int:
 )
 def train(
     config: Training,
-    overrides: Annotated[
-        list[str] | None, Argument(help="key=value, such as seed=3 ppo.gamma=0.98", autocompletion=complete)
-    ] = None,
+    overrides: Overrides = None,
     out: Annotated[Path | None, Option(help="run folder (default runs/<preset>_seed<seed>_<time>)")] = None,
     seeds: Annotated[
         str | None, Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
@@ -108,7 +106,7 @@ def train(
         str, Option(help="where several runs go: processes of this machine, or a ray cluster")
     ] = "processes",
     address: Annotated[
-        str | None, Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: this machine)")
+        str | None, Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: RAY_ADDRESS)")
     ] = None,
 ) -> None:
     """Train, evaluate and report."""
@@ -118,31 +116,28 @@ def train(
         raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
     if address is not None and on != "ray":
         raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
+    if processes is not None and (seeds is None or on == "ray"):
+        raise ValueError("processes is for several seeds on this machine; give --seeds, such as --seeds 0..9")
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
         if any(override.startswith("seed=") for override in overrides or ()):
             raise ValueError("seed is given beside --seeds; leave one of them out")
         each = [(k, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)]
-        chosen = {f"seed{k}": with_start(to_train(config, words)) for k, words in each}
-        folder = out or Path("runs") / f"{name_of(config, *chosen.values())}_{stamp}"
-        count_of(processes)
-        run_folder.check_drawing()
+        chosen = {f"seed{k}": to_train(config, words) for k, words in each}
+        folder = out or Path("runs") / f"{name_of(config, next(iter(chosen.values())))}_{stamp}"
         if on == "ray":
             from .training.on_ray import train_on_ray
 
-            train_on_ray(chosen, folder, address, processes)
+            train_on_ray(chosen, folder, address)
         else:
             from .training.many import train_many
 
             train_many(chosen, folder, processes)
         say(tables.results_table(sorted(p.parent for p in folder.glob("*/evaluation.json"))))
         return
-    if processes is not None:
-        raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
-    one = with_start(to_train(config, overrides or ()))
+    one = to_train(config, overrides or ())
     folder = out or Path("runs") / f"{name_of(config, one)}_seed{one.seed}_{stamp}"
     run_folder.check_new(folder)
-    run_folder.check_drawing()
     from .training.train import train
 
     facts = train(one, folder)
@@ -153,27 +148,20 @@ def train(
 
 
 def to_train(given: str, overrides: Sequence[str]) -> Config:
-    """The configuration of a training that a command asks for."""
     config = load(given, overrides)
     check_telemetry(config, overrides)
     return config
 
 
-def name_of(given: str, config: Config, *others: Config) -> str:
+def name_of(given: str, config: Config) -> str:
     """What a run is named after: its file or preset; for the file of a run, or none, its task and learner."""
     path = Path(given)
     if not is_override(given) and path.name != "config.yaml":
         return path.stem
-    kind = (config.env, config.algo, config.env_kwargs.get("scene"))
-    for preset in presets():
-        other = load(preset)
-        if (other.env, other.algo, other.env_kwargs.get("scene")) == kind:
-            return Path(preset).stem
     return f"{config.env.rpartition('/')[2]}_{config.algo}"
 
 
 def _finish(folder: Path, facts: dict[str, Any]) -> None:
-    """Evaluate and report a run that was trained to its end."""
     from .report import evaluate, report, summary, write_evaluation
 
     found = evaluate(folder)
@@ -187,10 +175,7 @@ def _finish(folder: Path, facts: dict[str, Any]) -> None:
 @app.command()
 def tune(
     config: Training,
-    overrides: Annotated[
-        list[str] | None,
-        Argument(help="key=value, such as total_steps=1000000; it is not searched", autocompletion=complete),
-    ] = None,
+    overrides: Overrides = None,
     trials: Annotated[int, Option(help="trainings in all")] = 30,
     out: Annotated[
         Path | None, Option(help="folder; a stopped study in it is continued (default runs/tune/<preset>)")
@@ -209,15 +194,14 @@ def tune(
     ] = None,
 ) -> None:
     """Search the learner's settings that hold most goals, with Optuna."""
-    base = with_start(to_train(config, overrides or ()))
+    base = to_train(config, overrides or ())
     from .tune import tune
 
     folder = out or Path("runs") / "tune" / name_of(config, base)
     check_kept([folder / name for name in ("best.yaml", "trials.csv", "tune.md")], True, [Path(config)])
     path = tune(base, folder, trials, search or (), overrides or (), seed, processes, storage)
     say(path.read_text(encoding="utf-8"))
-    say("written:", *(folder / name for name in ("trials.csv", "tune.md")), sep="\n  ")
-    say(f"best: {folder / 'best.yaml'}")
+    say("written:", *(folder / name for name in ("best.yaml", "trials.csv", "tune.md")), sep="\n  ")
 
 
 @app.command()
@@ -228,10 +212,6 @@ def resume(
     ] = None,
 ) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
-    run_folder.config_to_resume(folder, overrides or ())
-    run_folder.own_config(folder)
-    run_folder.check_resumable(folder)
-    run_folder.check_drawing()
     run_folder.tell_differences([folder])
     from .training.train import resume
 
@@ -245,17 +225,16 @@ def evaluate(folder: PolicyFolder, out: Out = None, force: Overwrite = False, tr
     Prints the results, and writes nothing. With --out FOLDER evaluation.json and episodes.csv are written
     there; with --force they replace those of the run folder.
     """
-    run_folder.own_config(folder)
     if out is not None:
         run_folder.check_unwritten(out, run_folder.EVALUATED, force)
     run_folder.tell_differences([folder])
-    from .report import evaluate, summary, write_evaluation
+    from .report import evaluate, summary, table_of, write_evaluation
 
     found = evaluate(folder, trust)
-    say(summary(found.result))
+    say(summary(found.result), table_of(found.result), sep="\n\n")
     if out is not None or force:
         write_evaluation(found, out or folder)
-        say("written:", *((out or folder) / name for name in run_folder.EVALUATED), sep="\n  ")
+        say(f"written: {', '.join(run_folder.EVALUATED)} in {out or folder}")
 
 
 @app.command()
@@ -265,16 +244,11 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
     A run without a report, such as one that was stopped, gets it in its folder. If files would be
     replaced, and for an exported policy, --out FOLDER or --force is needed.
     """
-    run_folder.own_config(folder)
     run_folder.check_target(folder, out, force)
-    run_folder.check_drawing()
     run_folder.tell_differences([folder])
     from .report import report
 
-    read = {name for name in run_folder.EVALUATED if (folder / name).exists()} if out is None else set()
-    path = report(folder, out, trust)
-    names = [n for n in (*run_folder.EVALUATED, *run_folder.REPORTED[1:]) if n not in read]
-    say("written:", *(p for n in names if (p := path.with_name(n)).exists()), path, sep="\n  ")
+    say(report(folder, out, trust))
 
 
 @app.command()
@@ -293,7 +267,6 @@ def table(
     if out is not None:
         if out.suffix != TABLE:
             raise ValueError(f"out is {out}; end its name in {TABLE}")
-        run_folder.check_out(out.parent)
         check_kept([out], force, read_places(runs))
     text = tables.results_table(runs)
     run_folder.tell_differences(runs)
@@ -311,7 +284,6 @@ def curves(
     force: Force = False,
 ) -> None:
     """Draw learning curves of runs: all seeds, their interquartile mean and its interval."""
-    run_folder.check_out(out.parent)
     check_kept([out, out.with_suffix(".csv")], force, read_places(runs))
     numbers = curve_pictures.curves(runs, out)
     run_folder.tell_differences(runs)
@@ -346,13 +318,11 @@ def export(
     out: Annotated[Path, Option(help="folder of the policies' folders")] = Path("runs/policies"),
 ) -> None:
     """Write policies for others: stable-baselines3, ONNX, NumPy arrays, and a card."""
-    for folder in folders:
-        read_run(folder)
     run_folder.tell_differences(folders)
-    from .shipping.export import export_all
+    from .shipping.export import export
 
-    for folder in export_all(folders, out):
-        say(folder)
+    for folder in folders:
+        say(export(folder, out))
 
 
 @app.command()
@@ -373,8 +343,8 @@ def dataset(
     check_between("seed", seed, 0, 2**32 - 1)
     from .shipping.dataset import write_dataset
 
-    say(write_dataset(source, env, episodes, seed, out, trust))
-    say(f"written: {out}")
+    steps = write_dataset(source, env, episodes, seed, out, trust)
+    say(f"written: {out}, {episodes} episodes of {steps} control steps")
 
 
 @app.command()

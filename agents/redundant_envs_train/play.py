@@ -21,7 +21,6 @@ from .run_folder import own_config, tell_differences
 
 
 def no_effort(obs: Any, core: Any, step: int) -> NDArray[np.float32]:
-    """Zero actions."""
     return np.zeros((core.num_envs, len(core.actions)), dtype=np.float32)
 
 
@@ -71,7 +70,7 @@ def play(
             raise ValueError(f"--actions is {shown(who)}; choose {', '.join(ACTIONS)}")
         act = ACTIONS[who](seed)
     if path is not None:
-        clip([path], env_id, act, episodes, seed, **kwargs)
+        clip(path, env_id, act, episodes, seed, **kwargs)
         say(f"clip: {path}")
         return
     env = gym.make(env_id, render_mode="human", **kwargs)
@@ -100,8 +99,8 @@ def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int
     return f"{', '.join(parts) or f'return {returned:.1f}'} after {step} steps"
 
 
-def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
-    """Whole episodes as clips, one for each path: GIF or MP4 by its ending."""
+def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
+    """Whole episodes as a clip, GIF or MP4 by its ending."""
     env = gym.make(env_id, render_mode="rgb_array", **kwargs)
     core = env.unwrapped.core  # type: ignore[attr-defined]
     frames: list[NDArray[np.uint8]] = []
@@ -121,16 +120,13 @@ def clip(paths: list[Path], env_id: str, act: Act, episodes: int, seed: int, **k
             _episode(env, core, act, seed + episode, keep)
     env.close()
     if is_full:
-        names = " and ".join(path.name for path in paths)
         say(
-            f"{names} show {len(frames)} frames alone, {LARGEST_CLIP >> 20} MiB of memory; a smaller "
+            f"{path.name} shows {len(frames)} frames alone, {LARGEST_CLIP >> 20} MiB of memory; a smaller "
             "render_width has room for more",
             file=sys.stderr,
         )
-    for path in paths:
-        write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * core.scene.control_dt)), 1))
+    write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * core.scene.control_dt)), 1))
 
 
 def batched(obs: Any) -> Any:
-    """One observation as a batch of one."""
     return each(lambda part: part[None], obs)

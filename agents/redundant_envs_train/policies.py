@@ -2,40 +2,30 @@
 a stranger, are not read: the policy is built from config.yaml, and only its tensors are taken from the
 file."""
 
-import base64
 import io
 import itertools
 import json
 import pickletools
 import zipfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.support.bounded import MAX_JSON, MAX_PACKED, opened, read_members
 from redundant_envs.support.disk import write_bytes
 from redundant_envs.support.extras import needs
-from redundant_envs.support.values import shown
 
 from . import command, train_again
 from .config import Config
 from .learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from .learners.networks import ACTIVATIONS
-from .run_folder import SCENE, own_config
-from .start import policy_file
+from .run_folder import SCENE, own_config, policy_file
 
 with needs("train"):
-    import cloudpickle
     import torch
-    from stable_baselines3.common.save_util import data_to_json
+    from gymnasium import spaces
 
-PICKLED = ":serialized:"  # key of an object of policy.zip in stable-baselines3's JSON
-SPACES = ("observation_space", "action_space")
-ASPECTS = ("_shape", "dtype", "low", "high", "spaces")
-"""Texts of a space that are compared; stable-baselines3 keeps them beside its pickled data."""
 MAX_OBJECTS = 1 << 20
 """Bytes of a table of tensors, which may become sixty times as many in memory; policies have ten thousand."""
 TENSOR_NAMES = {
@@ -66,55 +56,14 @@ def save_policy(model: Any, path: Path) -> None:
     own = vars(model)
     changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
     changed |= {k: value for k, value in LEFT_OUT.items() if k in own}
-    kept = {k: own[k] for k in changed}
+    kept, memory = {k: own[k] for k in changed}, io.BytesIO()
     own.update(changed)
     try:
         with model.averaged():
-            data = saved(model, exclude=("lr_schedule",))
+            model.save(memory, exclude=("lr_schedule",))
     finally:
         own.update(kept)
-    write_bytes(path, data)
-
-
-def saved(model: Any, exclude: Sequence[str] = ()) -> bytes:
-    """The policy.zip of a learner, for all versions of NumPy that stable-baselines3 runs with."""
-    memory = io.BytesIO()
-    model.save(memory, exclude=exclude)
-    return portable(memory.getvalue(), vars(model))
-
-
-def portable(data: bytes, own: Mapping[str, Any]) -> bytes:
-    """The bytes of a policy.zip whose objects, here by name, are pickled as NumPy 1 and 2 read them: NumPy
-    pickles its arrays by the names of its inner modules, which NumPy 2 has moved."""
-    memory = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(memory, "w") as new:
-        for entry in old.infolist():
-            content = old.read(entry)
-            if entry.filename == "data":
-                about = json.loads(content)
-                for name, value in about.items():
-                    text = value.get(PICKLED) if isinstance(value, dict) else None
-                    if text is not None and b"numpy" in base64.b64decode(text):
-                        pickled = io.BytesIO()
-                        _PublicNames(pickled).dump(own[name])
-                        value[PICKLED] = base64.b64encode(pickled.getvalue()).decode()
-                content = json.dumps(about, indent=4).encode()
-            new.writestr(entry, content)
-    return memory.getvalue()
-
-
-class _PublicNames(cloudpickle.Pickler):
-    """A pickler that names nothing of NumPy but ``numpy.array`` and ``numpy.dtype``."""
-
-    def reducer_override(self, obj: Any) -> Any:
-        """How an object is made again; numbers become those of Python, and generators None."""
-        if isinstance(obj, np.ndarray):
-            return np.array, (obj.tolist(), obj.dtype.str)
-        if isinstance(obj, np.generic):
-            return type(obj.item()), (obj.item(),)
-        if isinstance(obj, np.random.Generator):
-            return type(None), ()
-        return super().reducer_override(obj)
+    write_bytes(path, memory.getvalue())
 
 
 def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
@@ -146,18 +95,33 @@ def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:
     return policy
 
 
+def _members(path: Path, name: str) -> bytes:
+    """A member of a policy.zip."""
+    with opened(path, "policy", MAX_PACKED) as file:
+        return read_members(file, str(path), [name])[name]
+
+
+def about_of(path: Path) -> dict[str, Any]:
+    """The plain data of stable-baselines3 about a learner, of its policy.zip."""
+    data = _members(path, "data")
+    try:
+        if len(data) > MAX_JSON:
+            raise ValueError(f"{len(data)} bytes, more than the {MAX_JSON} that are read")
+        return dict(json.loads(data))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise ValueError(f"{path} has a damaged member 'data' ({str(error)[:300]}). {HARMLESS}") from error
+
+
 def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], int]:
     """The tensors of a policy.zip by name, and their bytes."""
-    parts, wanted = _members(path, "data", "policy.pth"), ACTIVATIONS[activation].module.__name__
-    try:
-        said = about_of(path, parts.pop("data"))["policy_kwargs"].get("activation_fn", "")
-    except (TypeError, KeyError, AttributeError) as error:
-        raise ValueError(f"{path} has a damaged member 'data' ({error}). {HARMLESS}") from error
+    wanted, packed = ACTIVATIONS[activation].module.__name__, io.BytesIO(_members(path, "policy.pth"))
+    kwargs = about_of(path).get("policy_kwargs")
+    said = kwargs.get("activation_fn", "") if isinstance(kwargs, dict) else ""
     if wanted not in str(said):  # tensors do not show it
         other = str(said)[:80]
         raise ValueError(f"{path} was saved with the activation {other!r} instead of {wanted}. {HARMLESS}")
     try:
-        tensors = read_members(io.BytesIO(parts.pop("policy.pth")), "it")
+        tensors = read_members(packed, "it")
         (table,) = (name for name in tensors if name.endswith("/data.pkl"))
         check_table(tensors[table], TENSOR_NAMES)
         size = sum(map(len, tensors.values()))
@@ -212,67 +176,30 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
             raise ValueError(f"{path} has weights {name!r} that are not finite: the training diverged")
 
 
-def about_of(path: Path, data: bytes) -> dict[str, Any]:
-    """The plain data of stable-baselines3 about a learner, of the member ``data`` of its policy.zip."""
-    try:
-        if len(data) > MAX_JSON:
-            raise ValueError(f"{len(data)} bytes, more than the {MAX_JSON} that are read")
-        about = json.loads(data)
-        if not isinstance(about, dict):
-            raise ValueError(f"it holds a {type(about).__name__}")
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} has a damaged member 'data' ({str(error)[:300]}). {HARMLESS}") from error
-    return about
-
-
-def _members(path: Path, *names: str) -> dict[str, bytes]:
-    """Members of a policy.zip by name."""
-    with opened(path, "policy", MAX_PACKED) as file:
-        return read_members(file, str(path), names)
-
-
 # ---- a training that begins with the weights of a policy
 
 
 def start_from(model: Any, config: Config, env: Any) -> None:
     """Give a learner, its averages and its targets the weights of the policy of ``config.start_from``;
-    ValueError if algorithm, spaces, meaning of the observations of ``env``, or networks are others, or the
-    file is damaged."""
+    ValueError if algorithm, networks or meaning of the observations of ``env`` are others, or the file is
+    damaged."""
     assert config.start_from is not None
     file = policy_file(config.start_from)
-    about = about_of(file, _members(file, "data")["data"])
-    kinds = ALGORITHM_CLASSES.values()
-    homes = {kind.policy_aliases["MlpPolicy"].__module__: kind.__name__ for kind in kinds}
-    found = _entry(about, "policy_class", "__module__")
-    wanted = ALGORITHM_CLASSES[config.algo].__name__
-    _check("a policy of", homes.get(found, found) if isinstance(found, str) else found, wanted, file)
-    own = json.loads(data_to_json({name: getattr(env, name) for name in SPACES}))
-    for name in SPACES:
-        for aspect in ASPECTS:
-            what = f"another {name.replace('_', ' ')}:"
-            _check(what, _entry(about, name, aspect), _entry(own, name, aspect), file)
-    if all((file.parent / name).is_file() for name in ("config.yaml", SCENE)):
-        # observations of the same shape may have another meaning, if a folder records it
-        other = own_config(file.parent)
-        there: Any = make_sb3(other.env, 1, **other.env_kwargs)
-        theirs, ours = (", ".join(e.core.simulator.episode.observed) for e in (there, env))
-        _check("the observations", theirs, ours, file)
-    networks = str(policy_kwargs(config)["net_arch"])
-    _check("the network widths", str(_entry(about, "policy_kwargs", "net_arch")), networks, file)
-    weights, _ = read_weights(file, config.settings.activation)
-    check_weights(file, weights, model.policy.state_dict())
+    try:
+        if all((file.parent / name).is_file() for name in ("config.yaml", SCENE)):
+            # observations of the same shape may have another meaning, if a folder records it
+            other = own_config(file.parent)
+            there: Any = make_sb3(other.env, 1, **other.env_kwargs)
+            theirs, ours = (", ".join(e.core.simulator.episode.observed) for e in (there, env))
+            if theirs != ours:
+                raise ValueError(f"its observations are {theirs}, and those of this training {ours}")
+        goals = "spaces" in (about_of(file).get("observation_space") or ())
+        if goals != isinstance(env.observation_space, spaces.Dict):
+            raise ValueError(f"it is {'' if goals else 'not '}of a goal environment")
+        weights, _ = read_weights(file, config.settings.activation)
+        check_weights(file, weights, model.policy.state_dict())
+    except ValueError as error:
+        fix = "give a policy of the same algorithm, observations and networks"
+        raise ValueError(f"start_from does not fit: {error}; {fix}") from error
     model.policy.load_state_dict(weights)
     model.read_networks()
-
-
-def _entry(about: Mapping[str, Any], name: str, aspect: str) -> Any:
-    part = about.get(name)
-    return part.get(aspect) if isinstance(part, dict) else None
-
-
-def _check(what: str, found: Any, wanted: Any, file: Path) -> None:
-    if found != wanted:
-        raise ValueError(
-            f"start_from does not fit: {file} has {what} {shown(found)}, and this training {shown(wanted)}; "
-            "give a policy of the same algorithm, spaces and networks"
-        )

@@ -136,6 +136,5 @@ def expert_act(pose: Callable[..., Any] = pose_at) -> Act:
 
 
 def random_act(seed: int = 0) -> Act:
-    """Uniform random actions."""
     draw = np.random.default_rng(seed).uniform
     return lambda obs, core, step: draw(-1, 1, (core.num_envs, len(core.actions))).astype(np.float32)

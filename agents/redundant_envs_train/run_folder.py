@@ -1,6 +1,7 @@
 """Run folders: their files, their scenes, and checks before one is written. Nothing large is imported."""
 
 import contextlib
+import hashlib
 import itertools
 import json
 import shlex
@@ -8,9 +9,9 @@ import shutil
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Self
 
 import gymnasium as gym
 import numpy as np
@@ -19,48 +20,33 @@ from numpy.typing import NDArray
 from redundant_envs.envs.registration import check_arm, check_motors, ids
 from redundant_envs.scenes.files import exists
 from redundant_envs.scenes.scene import Scene, load_scene, scene_at, scene_path
-from redundant_envs.support.bounded import read_json, read_lines
+from redundant_envs.support.bounded import MAX_PACKED, opened, read_json, read_lines
 from redundant_envs.support.disk import check_folder, check_plain, write_text
 from redundant_envs.support.extras import needs
-from redundant_envs.support.figures import check_clip
 from redundant_envs.support.values import say, shown
 
 from . import COMMAND, command, train_again
-from .config import ALGORITHMS, MAX_EPISODES, MAX_SEEDS, WITHOUT_EFFECT, Config, check_telemetry, load
+from .config import MAX_EPISODES, MAX_SEEDS, WITHOUT_EFFECT, Config, Model, check_telemetry, checked, load
+from .config.fields import Real, Text, Whole
+from .config.run import Algorithm
+
+with needs("train"):
+    from pydantic import AfterValidator, Field, model_validator
 
 SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")  # columns of selection.csv
-EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
-"""Columns of episodes.csv."""
-FACTS = ("env_steps", "train_seconds")
 MOST = 1e15  # largest number of a run: of its steps, seconds and metres
-NUMBERS = {
-    "median_distance": MOST, "expert_median_distance": MOST, "mean_return": MOST, "expert_mean_return": MOST,
-    "hold_success": 1, "touch_success": 1, "expert_hold_success": 1,
-}  # fmt: skip
-"""Largest values of the numbers of an evaluation."""
-RETURNS = ("mean_return", "expert_mean_return")  # those that may be negative
-UNTOLD = NUMBERS.keys() - {"mean_return"}  # those that are null where the task does not tell them
-UNSURE = {
-    "env_steps": MOST, "train_seconds": MOST, "time_to_hold": MOST, "effort": MOST, "smoothness": MOST,
-    "expert_time_to_hold": MOST, "expert_effort": MOST, "expert_smoothness": MOST, "restless": MOST,
-    "expert_touch_success": 1, "passed": MOST, "stopped": MOST, "missed_by_both": MOST,
-}  # fmt: skip
-"""The same of numbers that may be unknown, as in folders of older versions."""
-UNKNOWN: dict[str, Any] = {**dict.fromkeys(UNSURE), "faults": {}}
-"""What an evaluation of an older version lacks."""
-LONGEST_ROW = 128  # bytes of a row of selection.csv or episodes.csv: fewer than 80 are written
 MAX_CHARACTERS = 200  # most characters of the name of a machine
+LONGEST_ROW = 128  # bytes of a row of selection.csv: fewer than 80 are written
 CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
 """Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
 STATE = "state.pt"  # file that exists only in a complete checkpoint
 EVALUATED = ("evaluation.json", "episodes.csv")
 RESULTS = (*EVALUATED, "report.md")  # files of a run that is evaluated and reported
-REPORTED = ("report.md", "plots", "clip.gif", "clip.mp4")
+REPORTED = ("report.md", "plots", "clip.gif")
 JUDGED = (*EVALUATED, *REPORTED)
 TRAINED = ("policy.zip", "selection.csv", "monitor.csv", "progress*.csv", "tensorboard", "training.json")
 """What a training writes beside its configuration, its scene and its checkpoint."""
 SCENE = "scene.yaml"
-MAX_SHOWN = 3  # most differences in a message
 
 
 def read_config(folder: Path, overrides: Sequence[str] = ()) -> Config:
@@ -94,76 +80,99 @@ def is_exported(folder: Path) -> bool:
 
 
 def evaluate_anew(folder: Path) -> str:
-    """The command that writes the evaluation of a run."""
     return command("evaluate", folder, "--force")
+
+
+def _line(text: str) -> str:
+    if not text.isprintable() or len(text) > MAX_CHARACTERS:
+        raise ValueError(f"give a line of at most {MAX_CHARACTERS} characters")
+    return text
+
+
+Line = Annotated[Text, AfterValidator(_line)]
+Share = Annotated[Real, Field(ge=0, le=1)]
+Amount = Annotated[Real, Field(ge=0, le=MOST)]
+Count = Annotated[Whole, Field(ge=0, le=MOST)]
+Number = Annotated[Real, Field(ge=-MOST, le=MOST)]
+
+
+class Evaluation(Model):
+    """The entries of evaluation.json, in SI units; None for what is unknown, or the task does not tell."""
+
+    env: Line
+    algo: Algorithm
+    seed: Annotated[Whole, Field(ge=0, le=MAX_SEEDS)]
+    episodes: Annotated[Whole, Field(ge=1, le=MAX_EPISODES)]
+    interval: tuple[Share, Share] | None  # of hold_success, 95 %
+    hold_success: Share | None
+    touch_success: Share | None
+    median_distance: Amount | None
+    time_to_hold: Amount | None
+    effort: Amount | None
+    smoothness: Amount | None
+    mean_return: Number
+    expert_hold_success: Share | None
+    expert_touch_success: Share | None
+    expert_median_distance: Amount | None
+    expert_time_to_hold: Amount | None
+    expert_effort: Amount | None
+    expert_smoothness: Amount | None
+    expert_mean_return: Number | None
+    restless: Count | None  # goals that were missed, by what happened: the tip moved there
+    passed: Count | None = None  # the tip was there and left
+    missed_by_both: Count | None = None
+    stopped: Count | None = None  # a fault ended the episode
+    faults: dict[Line, Count] = {}
+    better: dict[Line, bool | None] = {}
+    metrics: dict[Line, Number] = {}
+    env_steps: Count | None
+    train_seconds: Amount | None
+    date: Line
+    machine: Line
+    versions: dict[Line, Line]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.env not in ids():
+            raise ValueError(f"env is {shown(self.env)}; choose {', '.join(ids())}")
+        if (self.interval is None) != (self.hold_success is None):
+            raise ValueError(f"interval is {self.interval}, and hold_success is {self.hold_success}")
+        if self.interval is not None and self.interval[0] > self.interval[1]:
+            raise ValueError(f"interval is {self.interval}; give the lower end first")
+        return self
+
+
+class Facts(Model):
+    """The entries of training.json; None for what is unknown."""
+
+    env_steps: Count | None = None
+    train_seconds: Amount | None = None
+    simulator: Line | None = None
+    split: dict[Line, Number] = {}
+    stopped: bool = False
 
 
 def read_evaluation(folder: Path) -> dict[str, Any]:
     """The checked content of evaluation.json, which may be printed and compared."""
     path = folder / "evaluation.json"
     if is_exported(folder):
-        raise ValueError(
-            f"{folder} is an exported policy: it has a card, README.md, and no evaluation.json; give the "
-            "folder of its run"
-        )
+        raise ValueError(f"{folder} is an exported policy; give the folder of its run")
     if not path.is_file():
         raise ValueError(f"run folder {folder} has no evaluation.json; make it: {evaluate_anew(folder)}")
-    return checked_evaluation(_read_json(path, evaluate_anew(folder)), folder)
-
-
-def checked_evaluation(data: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The evaluation of a run with this folder; ValueError if an entry is missing or impossible."""
-    checks = {
-        name: _is_number(data.get(name), most, -most if name in RETURNS else 0)
-        or (name in UNTOLD and data.get(name, "") is None)
-        for name, most in NUMBERS.items()
-    }
-    checks |= {n: data.get(n) is None or _is_number(data[n], most) for n, most in UNSURE.items()}
-    for name, low, high in (("seed", 0, MAX_SEEDS), ("episodes", 1, MAX_EPISODES)):
-        checks[name] = isinstance(data.get(name), int) and _is_number(data[name], high) and data[name] >= low
-    checks["env"], checks["algo"] = data.get("env") in ids(), data.get("algo") in ALGORITHMS
-    ends: Any = data.get("interval")
-    pair = isinstance(ends, list) and [_is_number(rate, 1) for rate in ends] == [True, True]
-    checks["interval"] = ends is None if data.get("hold_success") is None else pair and ends[0] <= ends[1]
-    versions = data.get("versions")
-    checks["versions"] = isinstance(versions, dict) and all(map(_is_line, (*versions, *versions.values())))
-    checks |= {name: _is_line(data.get(name)) for name in ("machine", "date")}
-    checks_of_entries: dict[str, Callable[[Any], bool]] = {
-        "faults": _is_number, "better": lambda value: value in (True, False, None),
-        "metrics": lambda value: _is_number(value, MOST, -MOST),
-    }  # fmt: skip
-    for name, fits in checks_of_entries.items():
-        entries = data.get(name, {})
-        checks[name] = isinstance(entries, dict) and all(_is_line(k) and fits(entries[k]) for k in entries)
-    for name, holds in checks.items():
-        if not holds:
-            raise ValueError(
-                f"{folder}/evaluation.json has {shown(data.get(name))} as {name!r}; make it again: "
-                f"{evaluate_anew(folder)}"
-            )
-    return data
+    return _read_json(path, Evaluation, evaluate_anew(folder))
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
     """Steps, seconds and simulator of the training, None if unknown; whether it was stopped."""
     path = folder / "training.json"
-    if not path.is_file():
-        return {**dict.fromkeys((*FACTS, "simulator")), "stopped": False}
-    data = _read_json(path, train_again(folder))
-    facts = {name: data.get(name) for name in (*FACTS, "simulator")}
-    for name, value in facts.items():
-        fits = _is_number(value) if name in FACTS else value is None or _is_line(value)
-        if not fits:
-            raise ValueError(f"{path} has {shown(value)} as {name!r}; delete it to go on without")
-    return {**facts, "stopped": data.get("stopped") is True}
+    return _read_json(path, Facts, train_again(folder)) if path.is_file() else Facts().model_dump()
 
 
-def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.float64]:
-    """selection.csv or episodes.csv, (rows, columns); there may be no rows yet."""
-    path = folder / name
-    remedy = train_again(folder) if columns is SELECTION else evaluate_anew(folder)
+def read_curve(folder: Path) -> NDArray[np.float64]:
+    """selection.csv, (points, len(SELECTION)); there may be no point yet."""
+    path, remedy, columns = folder / "selection.csv", train_again(folder), SELECTION
     if not path.is_file():
-        raise ValueError(f"run folder {folder} has no {name}; make it: {remedy}")
+        raise ValueError(f"run folder {folder} has no selection.csv; make it: {remedy}")
     try:
         lines = read_lines(path, "table", MAX_EPISODES * LONGEST_ROW)
         head = next(lines, "")
@@ -171,20 +180,12 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> NDArray[np.
             raise ValueError(f"its columns are {shown(head)} instead of {','.join(columns)}")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # a table without rows
-            rows = np.loadtxt(_of_width(lines, len(columns)), delimiter=",", ndmin=2)
+            rows = np.loadtxt(itertools.islice(lines, MAX_EPISODES + 1), delimiter=",", ndmin=2)
+        if len(rows) > MAX_EPISODES or (rows.size and rows.shape[1] != len(columns)):
+            raise ValueError(f"it has {rows.shape} numbers; give {len(columns)} columns")
     except ValueError as error:
         raise ValueError(f"{path} is damaged ({error}); make it again: {remedy}") from error
     return rows.reshape(-1, len(columns))
-
-
-def _of_width(lines: Iterator[str], width: int) -> Iterator[str]:
-    """The lines of a table with so many columns, of which a run has at most ``MAX_EPISODES``."""
-    for number, line in enumerate(lines):
-        if number >= MAX_EPISODES:
-            raise ValueError(f"more than {MAX_EPISODES} rows")
-        if line and (found := line.count(",") + 1) != width:
-            raise ValueError(f"{found} columns instead of {width}")
-        yield line
 
 
 def write_json(path: Path, data: dict[str, Any]) -> None:
@@ -201,31 +202,55 @@ def flat(data: Mapping[str, Any], where: str = "") -> dict[str, Any]:
     return found
 
 
-def _read_json(path: Path, remedy: str) -> dict[str, Any]:
+def first_difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[str, str, str] | None:
+    """The first entry, by its dotted name, in which nested data differ, and both values in words."""
+    own, others = flat(one), flat(other)
+    name = next((k for k in own | others if own.get(k) != others.get(k)), None)
+    return None if name is None else (name, shown(own.get(name)), shown(others.get(name)))
+
+
+def _read_json(path: Path, kind: type[Model], remedy: str) -> dict[str, Any]:
+    """The data of a model; ValueError if the file is no JSON, or of another kind."""
     try:
-        data = read_json(path, path.name)
-        if not isinstance(data, dict):
-            raise ValueError(f"it holds a {type(data).__name__}, not an object")
+        data: dict[str, Any] = checked(kind, read_json(path, path.name)).model_dump()
     except ValueError as error:
         raise ValueError(f"{path} is damaged ({error}); make it again: {remedy}") from error
     return data
 
 
-def _is_number(value: Any, most: float = MOST, least: float = 0) -> bool:
-    """Whether a value is a number from ``least`` to ``most``; only returns and metrics are negative."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and least <= value <= most
+# ---- the policy with which a training begins
 
 
-def _is_line(value: Any) -> bool:
-    """Whether a value is a text that fits into a line of a table."""
-    return isinstance(value, str) and value.isprintable() and len(value) <= MAX_CHARACTERS
+def policy_file(start: str) -> Path:
+    """The file that ``start_from`` names: a policy.zip, or that of a run or an exported policy."""
+    path = Path(start)
+    file = path / "policy.zip" if path.is_dir() else path
+    if not file.is_file():
+        raise ValueError(
+            f"start_from is {shown(start)}; there is no {file}: give a run folder, the folder of an exported "
+            "policy, or a policy.zip"
+        )
+    return file
+
+
+def with_start(config: Config) -> Config:
+    """A configuration with the hash of the policy that it starts from; ValueError for another hash."""
+    if config.start_from is None:
+        return config
+    with opened(policy_file(config.start_from), "start_from", MAX_PACKED) as data:
+        digest = hashlib.file_digest(data, "sha256").hexdigest()
+    if config.start_from_sha256 not in (None, digest):
+        raise ValueError(
+            f"start_from is {shown(config.start_from)}, whose policy.zip has the SHA-256 {digest}, and "
+            f"start_from_sha256 is {config.start_from_sha256}; give that file, or leave the hash out"
+        )
+    return config.model_copy(update={"start_from_sha256": digest})
 
 
 # ---- the scene of a run: its own scene.yaml, even if the file that its configuration names has changed
 
 
 def read_scene(folder: Path) -> Scene:
-    """The scene that a run was trained in."""
     path = folder / SCENE
     if not path.is_file():
         raise ValueError(
@@ -258,7 +283,7 @@ def named_scene(config: Config) -> Any:
 
 
 def difference(folder: Path) -> str:
-    """How a run's scene differs from the one that its configuration names, in a sentence; nothing if it does
+    """That a run's scene differs from the one that its configuration names, in a sentence; nothing if it does
     not, or the file of that one cannot be found."""
     config = read_config(folder)
     named = named_scene(config)
@@ -269,30 +294,15 @@ def difference(folder: Path) -> str:
         today = scene_at(named, config.env_kwargs.get("accuracy"))
     except ValueError as error:
         return f"{what} cannot be read any more: {error}"
-    own, other = _flat_scene(read_scene(folder).to_dict()), _flat_scene(today.to_dict())
-    names = [name for name in {**own, **other} if own.get(name) != other.get(name)]
-    if not names:
-        return ""
-    words = []
-    for name in names[:MAX_SHOWN]:
-        mine, theirs = ("absent" if (v := d.get(name)) is None else shown(v) for d in (own, other))
-        words.append(f"{name} {mine}, not {theirs}")
-    more = f" and {len(names) - MAX_SHOWN} more" if len(names) > MAX_SHOWN else ""
-    return f"{folder / SCENE} differs from {what} ({'; '.join(words)}{more})"
+    same = read_scene(folder).to_dict() == today.to_dict()
+    return "" if same else f"{folder / SCENE} differs from {what}"
 
 
 def tell_differences(folders: Sequence[Path]) -> None:
-    """One line on stderr if run folders are of other scenes than their configurations name today."""
-    found = [text for folder in folders if folder.is_dir() and (text := difference(folder))]
-    more = f" (and so for {len(found) - 1} more of {len(folders)} runs)" if len(found) > 1 else ""
-    if found:
-        say(f"note: {found[0]}; the run's own is used{more}", file=sys.stderr)
-
-
-def _flat_scene(data: Mapping[str, Any]) -> dict[str, Any]:
-    """A scene's data by dotted names; an effect's numbers by its type."""
-    effects = {effect["type"]: effect for effect in data["effects"]}
-    return flat({name: value for name, value in data.items() if name != "effects"} | effects)
+    """A line on stderr for each run folder of another scene than its configuration names today."""
+    for folder in folders:
+        if folder.is_dir() and (text := difference(folder)):
+            say(f"note: {text}; the run's own is used", file=sys.stderr)
 
 
 # ---- checks of folders for results, before anything long begins
@@ -357,13 +367,6 @@ def was_stopped(folder: Path) -> bool:
     return (folder / "selection.csv").exists() or not (folder / "policy.zip").exists()
 
 
-def trained(folder: Path) -> Iterator[Path]:
-    """The files that a training has written into its folder, which may have others of the user."""
-    for name in (*TRAINED, SCENE, "config.yaml"):
-        for path in folder.glob(name):
-            yield from filter(Path.is_file, (path, *path.rglob("*")))
-
-
 def set_aside(folder: Path, names: Sequence[str]) -> Path | None:
     """Move what is there of some files of a run into a new folder in the run's; that folder, if any."""
     there = [path for name in names for path in sorted(folder.glob(name))]
@@ -382,19 +385,16 @@ def check_resumable(folder: Path) -> Path | None:
         return place
     if was_stopped(folder) and read_config(folder).checkpoint_seconds > 0.0:
         return None
-    again, go_on = train_again(folder), f"{train_again(folder)} {shlex.quote(f'start_from={folder}')}"
+    go_on = f"{train_again(folder)} {shlex.quote(f'start_from={folder}')}"
     if is_exported(folder):
-        reason, fix = "is an exported policy and", f"go on from it with: {go_on}"
+        reason = "is an exported policy and"
     elif not (folder / "training.json").is_file():
-        reason, fix = "was killed, or lacks its training.json, and", f"make a new run: {again}"
+        reason, go_on = "was killed, or lacks its training.json, and", train_again(folder)
     elif read_facts(folder)["stopped"]:
-        reason, fix = "was stopped and", f"go on from its policy with: {go_on}"
-    elif (folder / "report.md").is_file():
-        reason = "is finished and"
-        fix = f"watch it with: {command('play', folder)}, or go on from its policy with: {go_on}"
+        reason = "was stopped and"
     else:
-        reason, fix = "is finished and", f"evaluate and report it with: {command('report', folder)}"
-    raise ValueError(f"run folder {folder} {reason} has no checkpoint; {fix}")
+        reason = "is finished and"
+    raise ValueError(f"run folder {folder} {reason} has no checkpoint; train on with: {go_on}")
 
 
 def check_unwritten(folder: Path, files: Sequence[str], force: bool) -> None:
@@ -407,14 +407,6 @@ def check_unwritten(folder: Path, files: Sequence[str], force: bool) -> None:
     if there and not force:
         found = ", ".join(there)
         raise ValueError(f"out is {folder}, which has {found}; choose another --out, or add --force")
-
-
-def check_drawing() -> None:
-    """Raise an error if the packages that draw a report are missing."""
-    with needs("plot"):
-        import matplotlib  # noqa: F401
-        import PIL  # noqa: F401
-    check_clip(Path("clip.gif"))
 
 
 def check_target(folder: Path, out: Path | None, force: bool) -> None:

@@ -3,10 +3,7 @@
 import hashlib
 import json
 import math
-import multiprocessing
-import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +21,12 @@ from redundant_envs.support.values import check_between, shown
 from . import command, pages, run_folder
 from .config import Config, checked
 from .config.files import written
-from .training.pool import POLL, Stopped, count_of, places, settle, start, stop_request
+from .training.many import in_processes
+from .training.pool import Stopped, count_of
 
 with needs("tune"):
     import optuna
-    from optuna.importance import PedAnovaImportanceEvaluator
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
     from optuna.trial import TrialState
@@ -49,8 +47,8 @@ OFF_POLICY = {
 MARK = "study.json"  # what the study of a folder is of
 JOURNAL, POINT = "study.journal", ("hold_success", "return", "env_steps")  # last point; None: it is not told
 STARTUP, WARMUP = 5, 0.2  # complete trials, and share of a training, before one may be pruned
-FEW = 10  # trials in the table of the page, and complete ones from which on importance is told
-Space = dict[str, tuple[str, dict[str, Any]]]  # by key, a method of a trial and its arguments; choices: texts
+FEW = 10  # trials in the table of the page
+Space = dict[str, Any]  # by key, a distribution of Optuna; choices are texts
 
 
 def tune(
@@ -64,64 +62,33 @@ def tune(
     check_between("seed", seed, 0, 2**32 - 1)
     if config.max_seconds is not None:
         raise ValueError(f"max_seconds is {config.max_seconds:g}; trials take equal steps: give null")
+    config = run_folder.with_start(config)
     space, count = space_of(config, searches, overrides), count_of(processes)
     from .training.train import identity, make_sb3  # imports torch
 
+    searched = {key: distribution._asdict() for key, distribution in space.items()}
     run = identity(config, make_sb3(config.env, 1, **config.env_kwargs).core)
-    asked = json.loads(json.dumps({**run, "search": space, "seed": seed}))
+    asked = json.loads(json.dumps({**run, "search": searched, "seed": seed}))
     run_folder.check_study(folder, [MARK])
     folder.mkdir(parents=True, exist_ok=True)
-    with alone(folder, "tunes"), progress_bars() as bars:
+    with alone(folder, "tunes"):
         begin_study(folder / MARK, {**asked, "storage": storage or JOURNAL})
         study = opened(storage or str(folder / JOURNAL), config, asked)
         job = study, config, space, folder, trials, seed
-        begun = ended(study)
-        left = max(0, trials - begun)
+        left = max(0, trials - (begun := ended(study)))
         if not begun:
             study.enqueue_trial(own_values(config, space))
-        line = bars.add_task("tune", total=left, note="")
         try:
             if count > 1:
-                _several(job, count, left, lambda: bars.update(line, completed=ended(study) - begun))
-            for k in range(left if count == 1 else 0):
-                _try(k, bars, *job)
-                bars.update(line, advance=1)
+                jobs = {f"process {k + 1}": (range(k, left, count), *job) for k in range(min(count, left))}
+                in_processes(_trials, jobs, count, config.torch_threads == 1)
+            else:
+                with progress_bars() as bars:
+                    _trials(range(left), *job, bars)
         except KeyboardInterrupt:
             told = f"stopped after {ended(study)} of {trials} trials; the same command goes on"
             raise Stopped(told) from None
         return write(study, config, space, folder)
-
-
-def _several(job: Any, count: int, left: int, tell: Callable[[], None]) -> None:
-    """Train trials in processes; if one fails, or the user asks, the others end their trainings in order."""
-    spawn, own_cores = multiprocessing.get_context("spawn"), job[1].torch_threads == 1
-    stopping, cores = spawn.Event(), places(min(count, left), own_cores)
-    team = [start(spawn, _work, job, range(k, left, count), stopping, core) for k, core in enumerate(cores)]
-    with stop_request() as stop:
-        while any(process.is_alive() for process in team):
-            time.sleep(POLL)
-            tell()
-            if stop.is_set() or any(process.exitcode for process in team):
-                stopping.set()
-    if stop.is_set():
-        raise KeyboardInterrupt
-    if stopping.is_set():
-        raise ValueError("a process of the study failed; the same command goes on")
-
-
-def _work(job: Any, numbers: range, stopping: Any, core: int | None, modules: Sequence[str]) -> None:
-    """Train some trials in a process of its own."""
-    settle(core, modules)
-    from .training.many import Teller
-
-    bars = Teller(lambda news: None, stopping.is_set, "tune")
-    try:
-        for k in numbers if not stopping.is_set() else ():
-            _try(k, bars, *job)
-    except KeyboardInterrupt:
-        pass
-    except Exception as error:
-        sys.exit(f"{type(error).__name__}: {error}")
 
 
 def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[str] = ()) -> Space:
@@ -142,11 +109,12 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
         if len(values) < 2 or (is_range and not (numbers and len(values) == 2 and values[0] < values[1])):
             raise ValueError(f"search of {key} is {shown(what)}; write low..high, the lower first, or a|b|c")
         if is_range:
-            low, high = values
-            kind = "suggest_int" if fields[key].annotation is int else "suggest_float"
-            space[key] = kind, {"low": low, "high": high, "log": 0.0 < 10.0 * low <= high}
+            (low, high), is_whole = values, fields[key].annotation is int
+            space[key] = (IntDistribution if is_whole else FloatDistribution)(
+                low, high, 0.0 < 10.0 * low <= high
+            )
         else:
-            space[key] = "suggest_categorical", {"choices": [*map(written, values)]}
+            space[key] = CategoricalDistribution([*map(written, values)])
     if not space:
         raise ValueError("every setting of the default search has a value; give --search key=low..high")
     return space
@@ -170,10 +138,12 @@ def with_values(config: Config, parameters: dict[str, Any]) -> Config:
 def own_values(config: Config, space: Space) -> dict[str, Any]:
     """The parameters for the settings of a configuration, as far as the space contains them."""
     found: dict[str, Any] = {}
-    for key, (_, at) in space.items():
+    for key, within in space.items():
         own = getattr(config.settings, key.partition(".")[2])
-        own = written(own) if "choices" in at else own
-        if own in at["choices"] if "choices" in at else own != "auto" and at["low"] <= own <= at["high"]:
+        if isinstance(within, CategoricalDistribution):
+            if (own := written(own)) in within.choices:
+                found[key] = own
+        elif own != "auto" and within.low <= own <= within.high:
             found[key] = own
     return found
 
@@ -188,26 +158,17 @@ def begin_study(path: Path, asked: dict[str, Any]) -> None:
     digest = hashlib.sha256(asked["storage"].encode()).hexdigest()  # its URL may have a password
     now = {**asked, "storage": digest}
     if not path.exists():
-        write_text(path, json.dumps(now, indent=1) + "\n")
+        run_folder.write_json(path, now)
         return
     try:
-        before = _flat(json.loads(bounded.read_text(path, "study", 1 << 20)))
-    except (ValueError, RecursionError):
+        differing = run_folder.first_difference(bounded.read_json(path, "study"), now)
+    except (ValueError, AttributeError):
         raise ValueError(f"{path} is damaged, or no study's; choose another --out") from None
-    told = _flat(now)
-    key = next((k for k in (*told, *before) if told.get(k) != before.get(k)), None)
-    if key is not None:
+    if differing:
+        name, theirs, own = differing
         raise ValueError(
-            f"{path.parent} holds a study with {key.removeprefix('settings.')}: {shown(before.get(key))}, "
-            f"and this one has {shown(told.get(key))}; choose another --out"
+            f"{path.parent} holds a study with {name}: {theirs}, and this one has {own}; choose another --out"
         )
-
-
-def _flat(data: Any, name: str = "") -> dict[str, Any]:
-    """Entries of nested mappings, by dotted names."""
-    if not isinstance(data, dict):
-        return {name: data}
-    return {k: v for key, one in data.items() for k, v in _flat(one, f"{name}.{key}".strip(".")).items()}
 
 
 def opened(kept: str, config: Config, asked: dict[str, Any]) -> optuna.Study:
@@ -228,19 +189,15 @@ def opened(kept: str, config: Config, asked: dict[str, Any]) -> optuna.Study:
         raise ValueError(f"{kept} cannot be used ({reason}); choose another one") from error
 
 
-def _try(
-    k: int, bars: Any, study: optuna.Study, config: Config, space: Space, folder: Path, trials: int, seed: int
-) -> None:  # fmt: skip
-    """Train one more trial, unless the study has enough."""
+def _trials(
+    numbers: range, study: optuna.Study, config: Config, space: Space, folder: Path, trials: int, seed: int,
+    bars: Any,
+) -> str:  # fmt: skip
+    """Train more trials, one for each of ``numbers``, until the study has enough."""
     from .training import checkpoint
     from .training.train import train
 
-    if ended(study) >= trials:
-        return
-    own = np.random.SeedSequence((seed, len(study.trials), k)).generate_state(1)  # a study that goes on
-    study.sampler = optuna.samplers.TPESampler(seed=int(own[0]), constant_liar=True)  # draws anew
-
-    def objective(trial: optuna.Trial) -> float:
+    def score(trial: optuna.Trial) -> float:
         value, place = -1.0, folder / f"trial{trial.number}"
         run_folder.check_new(place)
 
@@ -256,17 +213,29 @@ def _try(
                 if trial.should_prune():
                     raise optuna.TrialPruned
 
-        values = {key: getattr(trial, how)(key, **at) for key, (how, at) in space.items()}
         try:
-            train(with_values(config, values), place, bars, on_point)
-        except (ValueError, ArithmeticError, RuntimeError) as error:  # refused, or not finite
-            trial.set_user_attr("message", " ".join(str(error).split()))
-            raise optuna.TrialPruned from error
+            train(with_values(config, trial.params), place, bars, on_point)
         finally:
             checkpoint.remove(place)
         return value
 
-    study.optimize(objective, n_trials=1)
+    for k in numbers:
+        if ended(study) >= trials:
+            break
+        own = np.random.SeedSequence((seed, len(study.trials), k)).generate_state(1)  # a study that goes on
+        study.sampler = optuna.samplers.TPESampler(seed=int(own[0]), constant_liar=True)  # draws anew
+        trial = study.ask(space)
+        try:
+            study.tell(trial, score(trial))
+        except optuna.TrialPruned:
+            study.tell(trial, state=TrialState.PRUNED)
+        except (ValueError, ArithmeticError, RuntimeError) as error:  # refused, or not finite
+            trial.set_user_attr("message", " ".join(str(error).split()))
+            study.tell(trial, state=TrialState.PRUNED)
+        except KeyboardInterrupt:
+            study.tell(trial, state=TrialState.FAIL)
+            raise
+    return f"{ended(study)} trials"
 
 
 def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Path:
@@ -283,17 +252,12 @@ def write(study: optuna.Study, config: Config, space: Space, folder: Path) -> Pa
         raise ValueError(f"no trial of {folder} was completed: {why.iloc[0]}")
     chosen = with_values(config, study.best_params).to_dict()
     write_text(folder / "best.yaml", yaml.safe_dump(chosen, sort_keys=False))
-    shares: dict[str, float] = {}
-    if len(best) >= FEW and best["value"].nunique() > 1:
-        shares = optuna.importance.get_param_importances(study, evaluator=PedAnovaImportanceEvaluator())
-    percent = [(key, f"{100 * share:.0f} %") for key, share in shares.items()]
     rows = best[[*(columns := ("trial", *POINT, *space))]].head(FEW).values.tolist()
     cells = [[f"{cell:.4g}" if isinstance(cell, float) else cell for cell in row] for row in rows]
     page = pages.page(
         "tune", config=config, complete=len(best), trials=len(study.trials), searched=", ".join(space),
         untold=best["hold_success"].isna().all(), best=markdown(columns, cells),
         judge=command("train", folder / "best.yaml", "--seeds", "1..5"),
-        shares=shares and markdown(("setting", "share"), percent),
     )  # fmt: skip
     write_text(folder / "tune.md", page)
     return folder / "tune.md"

@@ -4,7 +4,6 @@ It takes a minute, trains nothing and measures nothing. Clips and thumbnails sho
 figures are drawn from the tables in docs/results.
 """
 
-import csv
 import re
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ from redundant_envs_train.play import batched, play
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import policy_act
 from redundant_envs_train.run_folder import own_config
-from studies import estimates
 from studies.__main__ import main
 from studies.strength import figure, read_rows
 
@@ -180,8 +178,6 @@ if __name__ == "__main__":
     for name, runs in CURVES.items():
         curves([RESULTS / f"{runs}.jsonl"], FIGURES / f"learning_curves{name}.png")
     save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
-    with (RESULTS / "estimates.csv").open(encoding="utf-8") as file:
-        save_figure(estimates.figure(list(csv.DictReader(file))), FIGURES / "estimates.png")
     for name in SCENES:
         save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
     arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach")]

@@ -1,6 +1,5 @@
 """Folder of a policy study: tables, figures, scenes and report.md."""
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from . import words
 from .episodes import TIMING_REPEATS
 from .run import STYLE, ArmResult, Row, stamp
 from .settings import Study, slug
-from .words import LOOKS, Difference, hold_difference, percent, plain, reference_of, return_difference, signed
+from .words import LOOKS, Difference, hold_difference, percent, reference_of, return_difference, signed
 
 
 def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Path:
@@ -73,7 +72,7 @@ def _write_episodes(path: Path, result: ArmResult, study: Study, about: Mapping[
 def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
     """Differences of hold success and return from the reference, with intervals, per physics."""
     reference = reference_of(result.rows, study)
-    rows = [row for row in result.rows if row is not reference and not row.get("refused")]
+    rows = [row for row in result.rows if row is not reference]
     drawn = new_figure(7.0, 2.4 + 0.45 * len(rows))
     panels = drawn.subplots(1, 2, sharey=True)
     holds = [hold_difference(row, study) for row in rows]
@@ -105,7 +104,7 @@ def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
 
 
 def _draw(panel: Any, label: str, differences: Sequence[Difference]) -> None:
-    """Intervals below each other; beyond the margin the axis is logarithmic if it must be."""
+    """Intervals below each other, and the margin."""
     margin = max((d.margin for d in differences), default=1.0)
     widest = max((abs(end) for d in differences for end in (d.low, d.high)), default=0.0)
     panel.axvspan(-margin, margin, color="0.92", lw=0)
@@ -119,17 +118,7 @@ def _draw(panel: Any, label: str, differences: Sequence[Difference]) -> None:
             bbox={"facecolor": "white", "alpha": 0.7, "lw": 0, "pad": 0.6},
         )  # fmt: skip
     edge = max(1.15 * widest, 1.4 * margin)
-    if widest > 10.0 * margin:
-        edge = 4.0 * widest
-        panel.set_xscale("symlog", linthresh=margin, linscale=1.0)
-        first = math.ceil(math.log10(margin) - 1e-9)
-        ticks = [10.0**k for k in range(first, math.floor(math.log10(edge)) + 1)]
-        ticks = [*(-t for t in reversed(ticks)), 0.0, *ticks]
-        panel.set_xticks(ticks, [f"{t:g}" for t in ticks])
-        panel.set_xticks([], minor=True)
-        label += f"\n(logarithmic beyond ±{plain(margin)})"
-    else:
-        panel.locator_params(axis="x", nbins=5)  # their labels do not touch
+    panel.locator_params(axis="x", nbins=5)  # their labels do not touch
     panel.set_xlim(-edge, edge)
     panel.set_xlabel(label, fontsize=8.5)
     panel.tick_params(labelsize=8)

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.support.disk import write_text
 from redundant_envs.support.extras import needs
@@ -19,7 +18,7 @@ from redundant_envs_train import run_folder
 from redundant_envs_train.config import Config, check_telemetry, load
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import policy_act, run_episodes
-from redundant_envs_train.training.train import simulator_hash, train
+from redundant_envs_train.training.train import train
 
 from .episodes import Evaluation, compare, compare_groups, evaluate_under, figures, held, stepping
 from .settings import Study, load_study, slug
@@ -39,7 +38,7 @@ class ArmResult(NamedTuple):
     name: str
     env: str
     policy: str  # that of the first part, described
-    rows: list[Row]  # one per physics, with "refused" if the scene cannot be stepped so
+    rows: list[Row]  # one per physics
     episodes: dict[str, Evaluation]  # by physics
     trained: list[Row]  # one per policy of the second part
     training: dict[str, Row]  # measure -> difference of cheap and own training
@@ -53,7 +52,6 @@ class Plan(NamedTuple):
     run: Path  # folder of the policy of the first part
     given: bool  # whether that folder exists already, and is not made by the study
     kwargs: dict[str, dict[str, Any]]  # physics -> arguments of the environment
-    refused: dict[str, str]  # physics -> why this arm cannot be stepped so
     trainings: list[tuple[str, Config, Path]]  # of the second part: physics, configuration, run folder
 
     def steps(self) -> int:
@@ -82,20 +80,12 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
         if other := run_folder.difference(run):
             what = f"arms.{name}.run was trained in another scene"
             raise ValueError(f"{what}: {other}; give a run of the preset")
-    kwargs: dict[str, dict[str, Any]] = {}
-    refused: dict[str, str] = {}
-    for label, physics in study.physics.items():
-        arguments = physics.env_kwargs(preset)
+    kwargs = {label: physics.env_kwargs(preset) for label, physics in study.physics.items()}
+    for label, arguments in kwargs.items():
         try:
             make_sb3(preset.env, 1, **arguments)
         except ValueError as error:  # an effect may not know this integrator
-            refused[label] = str(error)
-        else:
-            kwargs[label] = arguments
-    needed = [study.reference, *([arm.cheap] if study.train_seeds else [])]
-    for label in needed:
-        if label in refused:
-            raise ValueError(f"{name} cannot be stepped with {label!r}, which it needs: {refused[label]}")
+            raise ValueError(f"{name} cannot be stepped with {label!r}: {error}") from None
     trainings: list[tuple[str, Config, Path]] = []
     for seed in range(study.train_seeds):
         own = load(arm.preset, [*study.train_overrides, f"seed={seed}"])
@@ -104,14 +94,11 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
         for label, config in ((arm.cheap, cheap), ("preset", own)):
             trainings.append((label, config, runs / f"{slug(name)}_{slug(label)}_seed{seed}"))
     for config, kept in [(preset, run)] * (not arm.run) + [(c, f) for _, c, f in trainings]:
-        core = make_sb3(config.env, 1, **config.env_kwargs).core
-        if kept.exists() and (
-            run_folder.read_config(kept).to_dict() != config.to_dict() or is_of_other_simulator(kept, core)
-        ):
+        if kept.exists() and run_folder.read_config(kept).to_dict() != config.to_dict():
             raise ValueError(
-                f"{kept} holds a run of another configuration or simulator; choose another --out or delete it"
+                f"{kept} holds a run of another configuration; choose another --out or delete it"
             )
-    return Plan(name, preset, run, bool(arm.run), kwargs, refused, trainings)
+    return Plan(name, preset, run, bool(arm.run), kwargs, trainings)
 
 
 def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult]:
@@ -161,11 +148,8 @@ def first_part(
             "arm": p.name, "env": p.preset.env, "policy": describe(p.run), "physics": label,
             "reference": study.reference, "seed": study.seed, "resamples": study.resamples,
         }  # fmt: skip
-        if label in p.refused:
-            row["refused"] = p.refused[label]
-        else:
-            row |= figures(episodes[label])
-            row |= compare(episodes[label], episodes[study.reference], study.resamples)
+        row |= figures(episodes[label])
+        row |= compare(episodes[label], episodes[study.reference], study.resamples)
         rows.append(row)
     return rows, episodes
 
@@ -206,12 +190,6 @@ def difference(study: Study, p: Plan, trained: list[Row], measure: str) -> Row:
     }  # fmt: skip
 
 
-def is_of_other_simulator(folder: Path, core: Core) -> bool:
-    """Whether a run folder records another simulator than today's."""
-    said = run_folder.read_facts(folder)["simulator"]
-    return said is not None and said != simulator_hash(core)
-
-
 def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
     """Train into a folder, or use the run that an earlier call of the same study left there."""
     if not folder.exists():
@@ -220,7 +198,7 @@ def ensure_trained(config: Config, folder: Path, bars: Any) -> dict[str, Any]:
             shutil.rmtree(unfinished)
         train(config, unfinished, bars)
         unfinished.rename(folder)
-    rows = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
+    rows = run_folder.read_curve(folder)
     if not len(rows):
         raise ValueError(f"{folder}/selection.csv has no rows; delete {folder} to train it again")
     steps, seconds = rows[-1, :2].tolist()
@@ -233,12 +211,9 @@ def describe(folder: Path) -> str:
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     words = f"{config.label}, seed {config.seed}"
     if (folder / "selection.csv").is_file():
-        rows = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
+        rows = run_folder.read_curve(folder)
         words += f", {rows[-1, 0] / 1e6:.2f} million steps" if len(rows) else ", no point of its curve"
-    words += f", trained under {stepping(core.scene)}"
-    if is_of_other_simulator(folder, core):
-        words += ", by another simulator (training.json has another hash of it)"
-    return words
+    return f"{words}, trained under {stepping(core.scene)}"
 
 
 def stamp() -> dict[str, str]:

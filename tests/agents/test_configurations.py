@@ -14,9 +14,8 @@ from redundant_envs import __main__ as library
 from redundant_envs_train.commands import name_of
 from redundant_envs_train.config import MAX_EPISODES, MAX_SEEDS, Config, load
 from redundant_envs_train.config.fields import limits
-from redundant_envs_train.config.files import complete, keys
+from redundant_envs_train.config.files import keys, presets
 from redundant_envs_train.config.run import KEPT_FOR_GOALS, SEEDS_PER_RUN, first_environment_seed
-from redundant_envs_train.presets import presets
 from redundant_envs_train.rollout import EVALUATION_SEED, SELECTION_SEED, STUDY_SEED
 
 CONFIG = "configs/training/rprp_reach_ppo.yaml"
@@ -55,20 +54,13 @@ def test_a_run_is_named_after_its_preset_its_file_or_what_it_trains(tmp_path):
     def name(given, *overrides):
         return name_of(str(given), load(given, overrides))
 
-    assert name("env=FourRReach-v0", "algo=sac") == "four_r_reach_sac"
-    assert name("env=redundant_envs/RPRPReach-v0", "env_kwargs.scene=rprp_weak") == "rprp_weak_ppo"
-    assert name("env=FourRReach-v0", "env_kwargs.scene=mine.yaml") == "FourRReach-v0_ppo"
-    assert name("rprp_reach_ppo") == name(POLICIES / "RPRPReach-v0-ppo" / "config.yaml") == "rprp_reach_ppo"
+    assert name("env=FourRReach-v0", "algo=sac") == "FourRReach-v0_sac"
+    assert name("rprp_reach_ppo") == "rprp_reach_ppo"
+    assert name(POLICIES / "RPRPReach-v0-ppo" / "config.yaml") == "RPRPReach-v0_ppo"
     assert name(shutil.copy(CONFIG, tmp_path / "mine.yaml")) == "mine"
     (tmp_path / "wrong.yaml").write_text("config_version: 2\nenv: RPRPReach-v0\nsed: 1\n")
     with says("wrong.yaml: sed is unknown"):  # a mistake of the file, although there are overrides
         load(tmp_path / "wrong.yaml", ["seed=3"])
-
-
-def test_keys_are_completed_and_so_are_their_choices():
-    assert complete("ppo.ga") == ["ppo.gamma=", "ppo.gae_lambda="]
-    assert complete("ppo.activation=") == [f"ppo.activation={name}" for name in ("silu", "tanh", "relu")]
-    assert complete("nothing=") == []
 
 
 @pytest.mark.parametrize("name", presets())
@@ -118,10 +110,8 @@ print([name for name in ("torch", "stable_baselines3", "onnx", "pydantic") if na
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("words", "imported"), [("train nope", "[]"), ("train rprp_reach_ppo sed=1", "['pydantic']")]
-)
-def test_a_mistake_is_told_before_anything_large_is_imported(words, imported):
+@pytest.mark.parametrize("words", ["train nope", "train rprp_reach_ppo sed=1"])
+def test_a_mistake_is_told_before_anything_large_is_imported(words):
     command = [sys.executable, "-c", LARGE, *words.split()]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == imported
+    assert done.stdout.strip() == "['pydantic']"

@@ -73,11 +73,9 @@ def test_every_episode_is_replayed_to_the_last_bit(count, words, call, tmp_path,
     out, _ = call("dataset", *words, "--episodes", count, "--seed", 3, "--out", tmp_path / "made-v1")
     found = load(tmp_path / "made-v1")
     assert (found.total_episodes, found.id) == (count, "made-v1")
-    held = np.mean([episode.infos["is_success"][-1] for episode in found])
-    returns = np.mean([episode.rewards.sum() for episode in found])
-    row = out.splitlines()[1].split()
-    assert row[:5] == [str(count), str(found.total_steps), f"{100 * held:.1f}", "%", f"{returns:.2f}"]
-    assert (held == 0.0) == (words[0] == "random")
+    assert f"{count} episodes of {found.total_steps} control steps" in out
+    held = any(episode.infos["is_success"][-1] for episode in found)
+    assert held == (words[0] != "random")
     assert_replayed(tmp_path / "made-v1", 3, count)
 
 

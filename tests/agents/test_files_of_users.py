@@ -82,7 +82,7 @@ def test_a_study_does_not_begin_among_other_files(words, tmp_path, refused):
     assert mark.read_text() == "precious"
 
 
-LINKS = ("clip.gif", "plots", "plots/final_distance.png", "report.md", "policy.zip", "notes/deep/any")
+LINKS = ("clip.gif", "plots", "plots/learning_curve.png", "report.md", "policy.zip", "notes/deep/any")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no links without rights")

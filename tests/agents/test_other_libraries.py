@@ -15,10 +15,10 @@ from stable_baselines3 import PPO, SAC
 from torch import nn
 
 from redundant_envs_train.config import Config, checked, load
+from redundant_envs_train.config.files import presets
 from redundant_envs_train.learners.build import policy_kwargs, policy_name
 from redundant_envs_train.learners.ppo import AveragedPPO
 from redundant_envs_train.learners.sac import AveragedSAC
-from redundant_envs_train.presets import presets
 from redundant_envs_train.training.train import train
 
 pytestmark = pytest.mark.long

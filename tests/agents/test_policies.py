@@ -62,14 +62,6 @@ def damaged(runs, tmp_path):
     return Path(shutil.copytree(runs("ppo")[0], tmp_path / "run"))
 
 
-def pickles(path):
-    """The pickled objects in the description of a policy.zip."""
-    about = json.loads(members(path)["data"]).values()
-    found = [base64.b64decode(value[":serialized:"]) for value in about if ":serialized:" in str(value)]
-    assert len(found) > 2
-    return found
-
-
 @pytest.mark.quick("ppo")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_policy_loads_without_this_package_and_acts_the_same_however_it_is_read(kind, runs, monkeypatch):
@@ -87,15 +79,11 @@ def test_a_policy_loads_without_this_package_and_acts_the_same_however_it_is_rea
     for policy in (load_policy(folder, config), load_policy(folder, config, trust=True)):
         np.testing.assert_array_equal(policy.predict(obs, deterministic=True)[0], expected)
     assert b"redundant_envs" not in members(folder / "policy.zip")["data"]
-    for part in pickles(folder / "policy.zip"):  # nothing of this package, or that NumPy 2 has moved
-        assert not {name for name in (b"redundant_envs", b"numpy.") if name in part}
+    about = json.loads(members(folder / "policy.zip")["data"]).values()
+    for value in (value for value in about if ":serialized:" in str(value)):
+        assert b"redundant_envs" not in base64.b64decode(value[":serialized:"])
     # saving leaves the schedule of the learner alone
     assert model.lr_schedule(0.5) == rate.learning_rate * (0.5 if rate.schedule == "linear" else 1.0)
-
-
-@pytest.mark.parametrize("folder", sorted(POLICIES.iterdir()), ids=lambda folder: folder.name)
-def test_a_shipped_policy_names_no_module_that_only_one_version_of_numpy_has(folder):
-    assert not [part for part in pickles(folder / "policy.zip") if b"numpy." in part]
 
 
 def saved(weights):
@@ -232,20 +220,18 @@ def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypat
 
 
 @pytest.mark.parametrize(
-    ("policy", "settings", "words"),
+    ("policy", "settings"),
     [
-        ("FourRReach-v0-ppo", [], ["observation", "18", "20"]),
-        ("RPRPGoalReach-v0-her", ["algo=sac"], ["policy"]), ("RPRPReach-v0-sac", [], ["sac", "ppo"]),
-        ("RPRPReach-v0-ppo", ["ppo.net_arch=[32]"], ["32", "64"]),
-        ("RPRPReach-v0-ppo", ["ppo.activation=tanh"], ["tanh", "i"]),
+        ("FourRReach-v0-ppo", []), ("RPRPGoalReach-v0-her", ["algo=sac"]), ("RPRPReach-v0-sac", []),
+        ("RPRPReach-v0-ppo", ["ppo.net_arch=[32]"]), ("RPRPReach-v0-ppo", ["ppo.activation=tanh"]),
     ],
 )  # fmt: skip
-def test_a_policy_that_does_not_fit_is_one_line(policy, settings, words, tmp_path, refused):
-    small = [] if "algo=sac" in settings else TINY
+def test_a_policy_that_does_not_fit_is_one_line(policy, settings, tmp_path, refused):
+    small = ["num_envs=16"] if "algo=sac" in settings else TINY
     lonely = shutil.copy(POLICIES / policy / "policy.zip", tmp_path)  # without a folder that describes it
     for start in (POLICIES / policy, lonely):
         command = ["train", "rprp_reach_ppo", *small, *settings, f"start_from={start}"]
-        error = refused([*command, "--out", tmp_path / "run"]).lower()
-        assert "start_from" in error or "was saved with the activation" in error
-        assert [word for word in words if word not in error] == []
+        refused(
+            [*command, "--out", tmp_path / "run"], "start_from does not fit: ", "give a policy of the same"
+        )
     assert not (tmp_path / "run").exists()

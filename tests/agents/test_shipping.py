@@ -4,7 +4,6 @@ import copy
 import dataclasses
 import re
 import runpy
-import shutil
 import sys
 
 import numpy as np
@@ -122,13 +121,10 @@ def test_one_command_exports_a_policy_once_and_numpy_alone_acts(
     run, tmp_path, monkeypatch, capsys, call, refused
 ):
     folder = tmp_path / "RPRPReach-v0-sac"
-    shutil.copytree(run, tmp_path / "run")
-    refused(["export", run, tmp_path / "run", "--out", tmp_path], "policies of one id and algorithm")
-    assert not folder.exists()
     bad = {"machine": "<img src=x onerror=alert(1)> `rm` | [a](b)", "versions": {"<b>": "*"}}
     change(run / "evaluation.json", **bad)
     before = kept(run)
-    out, _ = call("export", run, f"{run}/", "--out", tmp_path)  # given twice
+    out, _ = call("export", run, "--out", tmp_path)
     assert out.split() == [str(folder)]
     assert kept(run) == before
     card = (folder / "README.md").read_text()

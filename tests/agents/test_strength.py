@@ -85,22 +85,17 @@ def test_runs_become_rows_by_arm_factor_and_learner(tmp_path):
     assert learner_rows([]) == []
 
 
-def test_only_different_finished_runs_of_one_setting_and_of_the_reach_task_are_joined(tmp_path):
-    first, second, third, stopped, wrong = (
-        run_folder(tmp_path / name, "4R", seed) for name, seed in zip("abcde", (0, 0, 1, 1, 0), strict=True)
-    )
+def test_only_finished_runs_of_one_setting_and_of_the_reach_task_are_joined(tmp_path):
+    first, third, stopped = (run_folder(tmp_path / name, "4R", k) for k, name in enumerate("abc"))
     (stopped / "training.json").write_text('{"stopped": true, "env_steps": 1, "train_seconds": 1.0}')
     change(third / "config.yaml", total_steps=1000)
-    change(wrong / "evaluation.json", interval=[0.6, 0.7])
     longer = run_folder(tmp_path / "f", max_episode_steps=50)
     heavier = weakened("four_r_reach", 0.5)
     heavier["robot"]["masses"][0] = 0.6
     results = ROOT / "docs" / "results"
     for folders, *words in (
-        ([first, second], "b is a second run of seed 0"),
-        ([first, third], "c has other settings than ", "a; give runs of one setting"),
-        ([stopped], "d is a training that was stopped"),
-        ([wrong], "e/evaluation.json has the hold success 0.5 outside its interval"),
+        ([first, third], "has other settings than other runs; give runs of one setting"),
+        ([stopped], "c is a training that was stopped"),
         ([longer], "f: env_kwargs has 'max_episode_steps'"),
         ([run_folder(tmp_path / "g", scene=heavier)], "g: its scene has ", "differs in something else"),
         ([results / "runs.jsonl/rprp_goal_reach_her/seed110"], "is of redundant_envs/RPRPGoalReach-v0; give"),

@@ -9,7 +9,7 @@ import pytest
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.simulator.events import contacts
 from redundant_envs.simulator.events.contacts import Contact, Happening, resolve_contacts
-from studies.account_of_contacts import complementary
+from studies.another_account import complementary
 
 SLIDERS = pytest.mark.parametrize("count", [1, 2, 3], ids=["one slider", "two", "three"])
 

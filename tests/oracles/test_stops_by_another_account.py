@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from redundant_envs.verify.accuracy import judge
-from studies.account_of_contacts import ContactAccount
+from studies.another_account import Account
 from studies.intervals import families, tips_after
 
 pytestmark = pytest.mark.long
@@ -26,7 +26,7 @@ def compared(family, count, seed):
     numbers = {name: np.array([value]) for name, value in family.scene().parameters().items()}
     for i in np.flatnonzero(status.numerics == 0):
         q, qd, efforts = (x[[i]] for x in (drawn.joints @ inverse, drawn.rates @ inverse, drawn.efforts))
-        right[i] = ContactAccount(family.scene(), numbers, efforts).after(q, qd, {}, 1e-12)
+        right[i] = Account(family.scene(), numbers, efforts).after(q, qd, {}, 1e-12)
     judgement = judge(tips, [right], family.tolerance, np.isfinite(right).all(axis=1))
     return int(judgement.judged.sum()), int(judgement.missed.sum())
 

@@ -23,6 +23,7 @@ def test_every_effect_that_moves_an_arm_is_drawn_alone_then_beside_another():
 
 def test_another_account_crosses_an_instant():
     """A slider of 2 kg at 1 m/s: for 6 ms the command before acts, which pulls with 1 N, then 3 N."""
+    pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
     scene = Scene(Chain("P", (2.0,)), (CommandDelay(0.006, 0.006),), control_dt=0.02)
     numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
     account, sent = Account(scene, numbers, np.array([[3.0]])), {"command_delay.sent[0]": np.array([-1.0])}

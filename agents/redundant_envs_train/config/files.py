@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from redundant_envs.scenes.files import exists, explained, read_yaml, text_value
+from redundant_envs.scenes.files import config_folder, exists, explained, read_yaml, text_value
 from redundant_envs.support.tables import markdown
 from redundant_envs.support.values import shown
 
-from ..presets import is_override, preset_path
 from .fields import checked, limits, model_at, short
 from .run import ALGORITHMS, CLIENTS, VERSION, Config
 
@@ -25,13 +24,37 @@ of a learner are allowed if `algo` names it. `python -m agents schema` prints a 
 """The beginning of the page of the keys."""
 
 
+def presets() -> list[str]:
+    """Names of all presets; baselines are named with their folder."""
+    folder = config_folder("training")  # package data in a wheel, configs/training in a checkout
+    return sorted(p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.yaml"))
+
+
+def preset_path(path: str | Path) -> Path:
+    """The file of a configuration: the path itself, or a preset's by its name."""
+    file, preset = Path(path), config_folder("training") / f"{path}.yaml"
+    if exists(file) and not (file.is_dir() and exists(preset)):
+        return file
+    if not exists(preset):
+        raise ValueError(
+            f"config is {shown(str(path))}; there is no such file, and the presets are "
+            f"{', '.join(presets())}; or give env=ID, such as env=RPRPReach-v0"
+        )
+    return preset
+
+
+def is_override(word: str) -> bool:
+    """Whether a word of a command is ``key=value`` where a configuration may stand."""
+    return "=" in word and not exists(Path(word))
+
+
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
     """A YAML file or a preset, with overrides such as ``seed=3``; an override in its place begins with
     defaults."""
     if is_override(str(path)):
         return merged(None, {"config_version": VERSION}, [str(path), *overrides], config_of)
     file = preset_path(path)
-    return merged(file, read(file, "configs/training"), overrides, config_of)
+    return merged(file, read(file), overrides, config_of)
 
 
 def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
@@ -49,50 +72,37 @@ def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
 def merged(
     file: str | Path | None, data: dict[str, Any], overrides: Sequence[str], make: Callable[[Any], Any]
 ) -> Any:
-    """What ``make`` gives for a file with overrides; its ValueError blames the line of the file or the
-    command."""
+    """What ``make`` gives for a file with overrides; its ValueError names the line of the file, which is a
+    whole one, or blames the command."""
+    if file is not None:
+        with explained(file):
+            made = make(data)
+        if not overrides:
+            return made
     try:
         given = copy.deepcopy(data)
         for override in overrides:
             override_one(given, override)
         return make(given)
     except ValueError as error:
-        if file is None or (overrides and _mistake(make, data) != str(error)):
-            raise ValueError(f"command line: {error}") from None
-        with explained(file):
-            raise
+        raise ValueError(f"command line: {error}") from None
 
 
-def _mistake(make: Callable[[Any], Any], data: dict[str, Any]) -> str:
-    """What is wrong with the data of a file without overrides; nothing if it can be used."""
-    try:
-        make(data)
-    except ValueError as error:
-        return str(error)
-    return ""
+config_of: Callable[[Any], Config] = functools.partial(checked, Config)
+"""A configuration from plain data."""
 
 
-def config_of(data: dict[str, Any]) -> Config:
-    """A configuration from plain data."""
-    config: Config = checked(Config, data)
-    return config
-
-
-def read(path: str | Path, folder: str) -> dict[str, Any]:
-    """The content of a YAML file; if it is missing, the error lists the folder's files."""
-    file = Path(path)
-    if not exists(file):
-        found = sorted(str(p) for p in Path(folder).glob("*.yaml"))
-        raise ValueError(f"config is {shown(str(path))}; there is no such file. Found: {', '.join(found)}")
-    data = read_yaml(file, "config")
+def read(path: str | Path) -> dict[str, Any]:
+    """The content of a YAML file."""
+    data = read_yaml(Path(path), "config")
     if not isinstance(data, dict):
-        raise ValueError(f"{file} holds no mapping; give 'key: value' lines")
+        raise ValueError(f"{path} holds no mapping; give 'key: value' lines")
     return data
 
 
 def load_model(kind: type[Any], path: str | Path, overrides: Sequence[str] = ()) -> Any:
     """The model of a YAML file of a study, with overrides. Errors are those of :func:`merged`."""
-    return merged(path, read(path, "configs/studies"), overrides, functools.partial(checked, kind))
+    return merged(path, read(path), overrides, functools.partial(checked, kind))
 
 
 def override_one(data: dict[str, Any], override: str) -> None:
@@ -150,12 +160,3 @@ def written(default: Any) -> str:
     if default is None:
         return "null"
     return f"[{', '.join(map(str, default))}]" if isinstance(default, tuple) else str(default)
-
-
-def complete(incomplete: str) -> list[str]:
-    """Completions of an override."""
-    name, equals, _ = incomplete.partition("=")
-    if equals:
-        fields = dict(keys())
-        return [f"{name}={v}" for v in values(fields[name])] if name in fields else []
-    return [f"{key}=" for key, _ in keys() if key.startswith(incomplete)]

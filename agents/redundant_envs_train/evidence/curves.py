@@ -35,13 +35,11 @@ EXPERT_COLOR = "black"
 """The colour of computed torque in all figures."""
 COLORS = tuple(LEARNER_COLORS.values())
 """Colours of learners whose settings differ from each other's."""
-STYLES = ("-", "-.", ":")  # styles of the lines, if there are more learners than colours
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
 """Rates that are labelled, the most important first."""
 CLOSEST = 0.075  # least distance of two labels, as a fraction of the axis
 SPREAD = 3.0  # a panel's x axis is logarithmic if its longest curve is more than this many times its shortest
 LONG = 30  # number of characters from which on an entry of the legend needs more than a sixth of the width
-ENDINGS = (".png", ".svg")
 TABLE = (
     "environment", "scene", "learner", "seeds", "axis", "x",
     *(f"{name}{end}" for name in MEASURES for end in ("", "_low", "_high")),
@@ -66,10 +64,7 @@ def curves(places: Iterable[str | Path], path: str | Path) -> Path:
     a thick line is their interquartile mean, a band its 95 % interval by bootstrap, and dashed is computed
     torque on the evaluation goals.
     """
-    path = Path(path)
-    if path.suffix.lower() not in ENDINGS:
-        raise ValueError(f"path is {str(path)!r}; end its name in {' or '.join(ENDINGS)}")
-    return draw_curves(read_groups(places), path)
+    return draw_curves(read_groups(places), Path(path))
 
 
 def draw_curves(groups: Sequence[Group], path: Path) -> Path:
@@ -81,7 +76,6 @@ def draw_curves(groups: Sequence[Group], path: Path) -> Path:
 
 
 def _rows(same: Group, axis: str) -> Iterable[dict[str, Any]]:
-    """Rows of the CSV file."""
     curve = summarize(same, axis)
     head = [same.environment, same.scene, same.learner, len(same.runs), axis]
     experts = [expert(same, name) for name, (_, entry) in MEASURES.items() if entry]
@@ -98,14 +92,10 @@ def summarize(same: Group, axis: str) -> Curve:
     lines = [points(run, axis) for run in same.runs]
     grid = lines[0][0]
     if any(not np.array_equal(x, grid) for x, _ in lines):
-        starts, ends = [x[0] for x, _ in lines], [x[-1] for x, _ in lines]
-        first, last = int(np.argmax(starts)), int(np.argmin(ends))
-        start, end = starts[first], ends[last]
+        start, end = max(x[0] for x, _ in lines), min(x[-1] for x, _ in lines)
         if start > end:
-            raise ValueError(
-                f"{same.runs[last].folder} ends at {end:g} and {same.runs[first].folder} starts at {start:g} "
-                f"({AXES[axis][0]}); leave one of them out"
-            )
+            names = ", ".join(str(run.folder) for run in same.runs)
+            raise ValueError(f"a curve of {names} ends before another one begins; leave it out")
         grid = np.linspace(start, end, max(len(x) for x, _ in lines))
     runs = np.stack(
         [np.stack([np.interp(grid, x, column) for column in values.T], axis=1) for x, values in lines]
@@ -153,7 +143,7 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
         for row, axis in zip(panels, axes, strict=True):
             for panel, name in zip(row, names, strict=True):
                 for same in shown:
-                    _draw_group(panel, name, axis, same, *looks[same.learner])
+                    _draw_group(panel, name, axis, same, looks[same.learner])
                 _finish(panel, name, axis, shown)
         part.suptitle(literal(title), fontweight="bold")
         handles, labels = panels[0, 0].get_legend_handles_labels()
@@ -171,8 +161,7 @@ def told(groups: Sequence[Group]) -> list[str]:
     return [name for name, there in zip(MEASURES, known, strict=True) if there]
 
 
-def _draw_group(panel: Any, name: str, axis: str, same: Group, color: str, style: str) -> None:
-    """A group's seeds, interquartile mean and interval in a panel."""
+def _draw_group(panel: Any, name: str, axis: str, same: Group, color: str) -> None:
     k, scale, curve = list(MEASURES).index(name), AXES[axis][1], summarize(same, axis)
     for run in same.runs if len(same.runs) > 1 else ():
         x, values = points(run, axis)
@@ -180,7 +169,7 @@ def _draw_group(panel: Any, name: str, axis: str, same: Group, color: str, style
     x, low, high = scale * curve.x, curve.low[:, k], curve.high[:, k]
     panel.fill_between(x, low, high, color=color, alpha=0.25, linewidth=0)
     label = literal(f"{same.learner} ({len(same.runs)} seed{'s' * (len(same.runs) > 1)})")
-    panel.plot(x, curve.middle[:, k], style, color=color, linewidth=2.2, label=label)
+    panel.plot(x, curve.middle[:, k], color=color, linewidth=2.2, label=label)
 
 
 def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
@@ -227,16 +216,9 @@ def _rate_scale(panel: Any, goal: float) -> None:
     panel.set_yticks(sorted(chosen), [f"{100 * tick:g}" for tick in sorted(chosen)], minor=False)
 
 
-def color_of(learner: str) -> str:
-    """The colour of a learner alone."""
-    return LEARNER_COLORS.get(learner, COLORS[0])
-
-
-def _looks(groups: Sequence[Group]) -> dict[str, tuple[str, str]]:
-    """Colour and line style of each learner, the same in all panels."""
+def _looks(groups: Sequence[Group]) -> dict[str, str]:
+    """Colour of each learner, the same in all panels; others take turns with those that are free."""
     learners = {same.learner for same in groups}
-    others = sorted(learners - LEARNER_COLORS.keys())
     free = [color for who, color in LEARNER_COLORS.items() if who not in learners] or list(COLORS)
-    styled = [(color, style) for style in STYLES for color in free]
-    looks = dict(zip(others, itertools.cycle(styled)))
-    return looks | {who: (color, STYLES[0]) for who, color in LEARNER_COLORS.items() if who in learners}
+    others = zip(sorted(learners - LEARNER_COLORS.keys()), itertools.cycle(free), strict=False)
+    return dict(others) | LEARNER_COLORS

@@ -20,7 +20,7 @@ from redundant_envs.support.disk import write_text
 from redundant_envs.support.values import shown
 
 from .. import command, run_folder, train_again
-from ..config import WITHOUT_EFFECT, Config, config_of
+from ..config import WITHOUT_EFFECT, Config, checked, config_of
 
 TABLE = ".jsonl"  # ending of a table of runs
 SHARES = ("hold_success", "touch_success")  # columns of the curve that are NaN if the task does not tell them
@@ -77,7 +77,7 @@ def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str,
             f"{folder} is a training that was stopped; leave it out, or go on with it: "
             f"{command('resume', folder)}"
         )
-    curve = run_folder.read_table(folder, "selection.csv", run_folder.SELECTION)
+    curve = run_folder.read_curve(folder)
     return run_of(folder, config, scene, evaluation, curve, facts["simulator"])
 
 
@@ -132,8 +132,7 @@ def group(runs: Iterable[Run]) -> list[Group]:
 
 
 def _same_results(a: Run, b: Run) -> bool:
-    told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES  # folders of older versions have less
-    facts = [{name: run.evaluation[name] for name in told} for run in (a, b)]
+    facts = [{k: v for k, v in run.evaluation.items() if k not in CIRCUMSTANCES} for run in (a, b)]
     kept = [i for i, name in enumerate(run_folder.SELECTION) if name != "seconds"]
     return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept], equal_nan=True)
 
@@ -176,17 +175,6 @@ def write_runs(runs: Sequence[Run], path: Path) -> None:
             "curve": dict(zip(run_folder.SELECTION, run.curve.T.tolist(), strict=True)),
         }  # fmt: skip
         lines.append(json.dumps(data) + "\n")
-        if (size := len(lines[-1])) > bounded.LONGEST_LINE:
-            raise ValueError(
-                f"{run.folder} would have {size} bytes in a table, more than the {bounded.LONGEST_LINE} that "
-                f"are read, for its {len(run.curve)} points of the curve; leave it out, and give its folder"
-            )
-    if (size := sum(map(len, lines))) > bounded.MAX_TABLE:
-        raise ValueError(
-            f"{path} would have {size} bytes, more than the {bounded.MAX_TABLE} that are read; write "
-            "several tables of fewer runs"
-        )
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, "".join(lines))
 
 
@@ -241,8 +229,7 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
 
 
 def _run(folder: Path, data: Mapping[str, Any]) -> Run:
-    """The run of a line."""
     curve = np.array([data["curve"][name] for name in run_folder.SELECTION], dtype=np.float64).T
-    evaluation = run_folder.checked_evaluation(data["evaluation"], folder)
+    evaluation = checked(run_folder.Evaluation, data["evaluation"]).model_dump()
     scene = Scene.from_dict(data["scene"]).to_dict()
     return run_of(folder, config_of(data["config"]), scene, evaluation, curve, data["simulator"])

@@ -99,7 +99,6 @@ def _holds_more(same: Group) -> str:
 
 
 def _origin(groups: Sequence[Group]) -> str:
-    """Goals, machines, versions and dates, in words."""
     dates = sorted(run.evaluation["date"][:10] for same in groups for run in same.runs)
     days = f"on {dates[0]}" if dates[0] == dates[-1] else f"from {dates[0]} to {dates[-1]}"
     labels = {"episodes": "Goals of each seed", "machine": "Machine", "torch": "torch",

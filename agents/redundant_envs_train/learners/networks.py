@@ -142,7 +142,6 @@ class Networks:
         return x, tape
 
     def outputs(self, inputs: Tensor) -> Tensor:
-        """Outputs alone."""
         x = inputs.expand(len(self.modules), *inputs.shape)
         last = len(self.weights) - 1
         for layer in range(last + 1):
@@ -192,7 +191,6 @@ class Adam:
         self._count = torch.zeros(())  # the steps, for torch
 
     def step(self, rate: float) -> None:
-        """One step down the gradient."""
         self.steps += 1
         torch._fused_adam_(
             [self.vector], [self.gradient], [self.first], [self.second], [], [self._count.fill_(self.steps)],
@@ -201,11 +199,9 @@ class Adam:
         )  # fmt: skip
 
     def state(self) -> dict[str, Any]:
-        """Its moments and steps."""
         return {"first": self.first.clone(), "second": self.second.clone(), "steps": self.steps}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Return to a state of :meth:`state`."""
         self.first.copy_(state["first"])
         self.second.copy_(state["second"])
         self.steps = state["steps"]

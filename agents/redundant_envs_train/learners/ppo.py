@@ -124,7 +124,6 @@ class AveragedPPO(Averaging, PPO):
 
     @torch.no_grad()
     def train(self) -> None:
-        """Epochs of minibatches over the rollout."""
         rate = self.lr_schedule(self._current_progress_remaining)
         entropy = self.ent_coef * rate / self.lr_schedule(1.0)
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]

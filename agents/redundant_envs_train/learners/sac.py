@@ -1,6 +1,6 @@
 """SAC whose policy is the average of its actor's weights, with leaner gradient steps.
 
-Samples, what the buffer keeps and, up to rounding, actions are those of stable-baselines3 in less time.
+Samples and, up to rounding, actions are those of stable-baselines3 in less time.
 ``train`` has its gradients written out (:mod:`.networks`), a term for smooth actions in the actor's loss
 (Mysore et al. 2021, CAPS, its temporal part), and a delayed actor (Fujimoto et al. 2018, TD3); in goal
 environments the networks receive the error of the tip at the scale of the task.
@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from redundant_envs.support.extras import needs
 
 from .networks import ERROR_SCALE, Adam, Averaging, Layers, Networks, Tape, goal_mixing, linear_layers
-from .sampling import sample, store
+from .sampling import sample
 
 with needs("train"):
     import torch
     from stable_baselines3 import SAC, HerReplayBuffer
-    from stable_baselines3.common.buffers import ReplayBuffer
     from stable_baselines3.common.preprocessing import get_action_dim
     from torch import Tensor
     from torch.nn.functional import softplus
@@ -93,17 +92,6 @@ class AveragedSAC(Averaging, SAC):
                 scaled = torch.tanh(_noisy(outputs)[0]).numpy()
         return self.policy.unscale_action(scaled), scaled
 
-    def _store_transition(
-        self, replay_buffer: ReplayBuffer, buffer_action: Any, new_obs: Any, reward: Any, dones: Any,
-        infos: list[dict[str, Any]],
-    ) -> None:  # fmt: skip
-        """As in stable-baselines3, the same numbers in less time."""
-        if type(replay_buffer) is not ReplayBuffer or self._vec_normalize_env is not None:
-            super()._store_transition(replay_buffer, buffer_action, new_obs, reward, dones, infos)
-            return
-        store(replay_buffer, self._last_obs, new_obs, buffer_action, reward, dones, infos)
-        self._last_original_obs, self._last_obs = self._last_obs, new_obs
-
     @torch.no_grad()
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:
         """Gradient steps on one sample of the replay buffer."""
@@ -141,7 +129,6 @@ class AveragedSAC(Averaging, SAC):
         self.logger.record("train/ent_coef", self._alpha())
 
     def _alpha(self) -> float:
-        """Weight of the entropy."""
         if self.log_ent_coef is not None:
             return math.exp(float(self.log_ent_coef))
         return float(self.ent_coef_tensor)
@@ -154,7 +141,6 @@ class AveragedSAC(Averaging, SAC):
         return weights
 
     def _draw(self, states: Tensor) -> SampledActions:
-        """Actions of the present actor."""
         outputs, tape = self.networks["actor"].forward(states)
         before, noise, log_std, normal = _noisy(outputs[0])
         # Half of the logarithm of the density, without its constant: that of the normal distribution minus

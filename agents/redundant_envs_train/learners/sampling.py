@@ -1,5 +1,5 @@
-"""Transitions into stable-baselines3's replay buffers, and samples out of them, the same in a third of the
-time: NumPy takes whole rows several times as fast as elements at pairs of indices."""
+"""Samples of stable-baselines3's replay buffers, the same in a third of the time: NumPy takes whole rows
+several times as fast as elements at pairs of indices."""
 
 from typing import Any
 
@@ -13,7 +13,6 @@ from ..rollout import each
 with needs("train"):
     import torch
     from stable_baselines3 import HerReplayBuffer
-    from stable_baselines3.common.buffers import ReplayBuffer
     from stable_baselines3.common.type_aliases import DictReplayBufferSamples
     from stable_baselines3.her.goal_selection_strategy import GoalSelectionStrategy
 
@@ -41,27 +40,6 @@ def sample(buffer: Any, count: int) -> DictReplayBufferSamples:
     actions, dones, rewards = map(torch.from_numpy, numbers)
     seen, after = each(torch.from_numpy, seen), each(torch.from_numpy, after)
     return DictReplayBufferSamples(seen, actions, after, dones, rewards)
-
-
-def store(
-    buffer: ReplayBuffer, seen: Any, after: Any, actions: Any, rewards: Any, dones: Any, infos: Any
-) -> None:
-    """What ``buffer.add`` does ; ``after`` begins the next episodes where some have ended."""
-    at = buffer.pos
-    numbers = {
-        "observations": seen, "next_observations": after, "actions": actions, "rewards": rewards,
-        "dones": dones, "timeouts": 0.0,
-    }  # fmt: skip
-    for name, number in numbers.items():
-        getattr(buffer, name)[at] = number
-    for lane in np.flatnonzero(dones).tolist():  # only there an episode may be cut off
-        last = infos[lane].get("terminal_observation")
-        if last is not None:
-            buffer.next_observations[at, lane] = last
-        if buffer.handle_timeout_termination:
-            buffer.timeouts[at, lane] = infos[lane].get("TimeLimit.truncated", False)
-    buffer.pos = (at + 1) % buffer.buffer_size
-    buffer.full |= buffer.pos == 0
 
 
 def _hindsight_goals(buffer: HerReplayBuffer, index: NDArray[np.int64]) -> NDArray[np.floating]:

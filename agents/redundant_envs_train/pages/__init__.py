@@ -22,21 +22,19 @@ MEASURES = (
 def results_table(
     evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)
 ) -> Markdown:
-    """The first ``count`` results of a policy as a Markdown table, beside those of computed torque if it can
-    act, and which are better beyond chance if the evaluation has compared them."""
-    rows, better = [], evaluation.get("better")
-    alone = all(evaluation.get(f"expert_{key}") is None for _, key, *_ in MEASURES)
+    """The first ``count`` results of a policy as a Markdown table beside those of computed torque, and which
+    are better beyond chance if the evaluation has compared them."""
+    rows, better = [], evaluation["better"]
     words = {True: policy, False: "computed torque"}
     for label, key, scale, digits, unit in MEASURES[:count]:
-        found = [evaluation.get(f"{who}{key}") for who in ("", "expert_")[: 2 - alone]]
+        found = [evaluation.get(f"{who}{key}") for who in ("", "expert_")]
         if evaluation["hold_success"] is None and not any(value is not None for value in found):
             continue  # what a task without success does not tell
         cells = ["-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found]
         rows.append((label, *cells, *([words.get(better.get(key), "-")] if better else [])))
-    for name, value in evaluation.get("metrics", {}).items():
-        rows.append((name, f"{value:.4g}", *([] if alone else ["-"]), *(["-"] if better else [])))
-    head = (goals, policy, *([] if alone else ["computed torque"]), *(["better"] if better else []))
-    return markdown(head, rows)
+    for name, value in evaluation["metrics"].items():
+        rows.append((name, f"{value:.4g}", "-", *(["-"] if better else [])))
+    return markdown((goals, policy, "computed torque", *(["better"] if better else [])), rows)
 
 
 def page(name: str, folder: Path = Path(__file__).parent, /, **facts: Any) -> str:

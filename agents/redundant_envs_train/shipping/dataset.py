@@ -4,7 +4,6 @@ import dataclasses
 import operator
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,10 +19,10 @@ from redundant_envs.scenes.scene import scene_at
 from redundant_envs.support.extras import needs
 from redundant_envs.support.modules import IMPORTED
 from redundant_envs.support.progress import counted
-from redundant_envs.support.tables import table
 from redundant_envs.support.values import shown
 
-from ..rollout import Act, each, expert_act, policy_act, random_act, stacked
+from ..play import ACTIONS
+from ..rollout import Act, each, policy_act, stacked
 from ..run_folder import check_out, new_folder, own_config, tell_differences
 
 ACTORS = {"expert": "computed torque", "random": "random actions"}
@@ -33,14 +32,13 @@ ABOUT = (
     "is the mean square of the action that led there, 0 to 1; tip is in metres."
 )
 LANES = 512  # episodes that are played at a time, and then written
-EPISODE_BYTES = 50_000  # more than an episode needs; a full disk ends HDF5 without a word
 
 
 def write_dataset(
     word: str, env: str | None, episodes: int, seed: int, out: Path, trust: bool = False
-) -> str:
+) -> int:
     """Write episodes of "expert", "random", or a folder's policy as a Minari dataset; episode k has the seed
-    ``seed + k``. Returns a table of episodes, control steps, share of successes and mean return."""
+    ``seed + k``. Returns their control steps."""
     if word not in ACTORS and not exists(Path(word)):
         raise ValueError(f"source is {shown(word)}; give expert, random, or the folder of a run or policy")
     config = None if word in ACTORS else own_config(Path(word))
@@ -51,27 +49,21 @@ def write_dataset(
     if os.path.lexists(out):
         raise ValueError(f"out is {out}, which exists; delete it or choose another --out")
     check_out(out)
-    whole = out.absolute()
-    there = next(place for place in whole.parents if place.exists())
-    if (free := shutil.disk_usage(there).free) < episodes * EPISODE_BYTES:
-        raise ValueError(
-            f"out is on a disk with {free / 1e6:.0f} MB left; choose another, or fewer --episodes"
-        )
     with needs("datasets"):
         import h5py  # noqa: F401 - Minari imports it and PIL, and requires neither
         import minari
         import PIL  # noqa: F401
         from minari.dataset.minari_storage import MinariStorage
-    make: Callable[[int], Act] = random_act if word == "random" else lambda first: expert_act()
+    make = ACTIONS["random" if config else word]
     if config:
         tell_differences([Path(word)])
         from ..policies import load_policy  # imports torch
 
         act = policy_act(load_policy(Path(word), config, trust))
         make = lambda first: act  # noqa: E731
-    spec, ends = spec_of(env_id, dict(config.env_kwargs) if config else {}), list[tuple[int, float, float]]()
-    actor, name = config.label if config else ACTORS[word], re.sub(r"[^-\w]", "_", whole.name)
-    with new_folder(whole) as part:
+    spec = spec_of(env_id, dict(config.env_kwargs) if config else {})
+    actor, name = config.label if config else ACTORS[word], re.sub(r"[^-\w]", "_", out.absolute().name)
+    with new_folder(out) as part:
         single = gym.make(spec)
         storage = MinariStorage.new(part / "data", single.observation_space, single.action_space, spec)
         storage.update_metadata({
@@ -79,11 +71,8 @@ def write_dataset(
             "description": ABOUT.format(env_id, actor, seed, seed + episodes - 1),
             "requirements": [f"redundant-envs=={__version__}"], "minari_version": minari.__version__,
         })  # fmt: skip
-        storage.update_episodes(_played(spec, make, episodes, seed, ends))
-    steps, (held, returns) = sum(n for n, *_ in ends), np.mean([end[1:] for end in ends], axis=0)
-    success = "unknown" if np.isnan(held) else f"{100 * held:.1f} %"
-    head, row = ("episodes", "steps", "success", "mean return"), (episodes, steps, success, f"{returns:.2f}")
-    return table(head, [row])
+        storage.update_episodes(_played(spec, make, episodes, seed))
+    return int(storage.total_steps)
 
 
 def spec_of(env_id: str, kwargs: dict[str, Any]) -> EnvSpec:
@@ -101,10 +90,7 @@ def spec_of(env_id: str, kwargs: dict[str, Any]) -> EnvSpec:
     return made
 
 
-def _played(
-    spec: EnvSpec, make: Callable[[int], Act], episodes: int, seed: int, ends: list[Any]
-) -> Iterator[Any]:
-    """Play episodes, batch by batch; ``ends`` gets steps, success (NaN: not told) and return of each."""
+def _played(spec: EnvSpec, make: Callable[[int], Act], episodes: int, seed: int) -> Iterator[Any]:
     from minari.data_collector import EpisodeBuffer
 
     with counted("episodes", -(-episodes // LANES)) as done:
@@ -128,10 +114,9 @@ def _played(
             columns, observations, told = stacked(steps), stacked(seen), stacked(infos)
             for lane, n in enumerate(lengths.tolist()):
                 states = operator.itemgetter((slice(n + 1), lane))
-                seen_of, told_of = each(states, observations), each(states, told)
                 step_of = [part[:n, lane] for part in columns.values()]
+                seen_of, told_of = each(states, observations), each(states, told)
                 yield EpisodeBuffer(None, seed + first + lane, None, seen_of, *step_of, told_of)
-                ends.append((n, told_of.get("is_success", [np.nan])[-1], step_of[1].sum()))
             done(f"{first + count} of {episodes} episodes")
 
 

@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import scene_names
-from redundant_envs.support.disk import told, write_bytes
+from redundant_envs.support.disk import told
 from redundant_envs.support.extras import needs
 from redundant_envs.support.tables import Markdown, code
 from redundant_envs.support.values import shown
@@ -24,9 +24,9 @@ from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from ..pages import MEASURES, page, results_table
-from ..policies import load_policy, saved
+from ..policies import load_policy
 from ..report import PACKAGES
-from ..run_folder import FACTS, SCENE, check_out, difference, new_folder, own_config, read_config
+from ..run_folder import SCENE, check_out, difference, new_folder, own_config, read_config
 from .layers import Exact, Layers, exact_actions, layers_of
 
 with needs("onnx"):
@@ -72,10 +72,9 @@ def export(run: Path, out: Path) -> Path:
     are copied: policy.zip is written again from checked weights. ValueError if a file acts otherwise than the
     policy."""
     config, evaluation = read_config(run), read_run(run).evaluation
-    for name in FACTS:
-        if evaluation.get(name) is None:
-            file = f"{run}/evaluation.json"
-            raise ValueError(f"{file} has no {name}; export a run that was trained with this version")
+    for name in ("env_steps", "train_seconds"):
+        if evaluation[name] is None:
+            raise ValueError(f"{run}/evaluation.json has no {name}; give a run with its training.json")
     check_out(out)
     own = own_config(run)
     folder = out / name_of(config)
@@ -103,7 +102,7 @@ def _write(
         policy_kwargs=policy_kwargs(config), device="cpu", **(small or {"buffer_size": LANES}),
     )  # fmt: skip
     model.policy.load_state_dict(policy.state_dict())
-    write_bytes(folder / "policy.zip", saved(model))
+    model.save(folder / "policy.zip")
     for name, data in (("config.yaml", config.to_dict()), (SCENE, env.core.scene.to_dict())):
         (folder / name).write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     layers.save(folder / "policy.npz")
@@ -134,22 +133,6 @@ def _write(
     return worst
 
 
-def export_all(runs: Sequence[Path], out: Path) -> list[Path]:
-    """Export several runs; ValueError if two of them are policies of one id and algorithm."""
-    names: dict[str, Path] = {}
-    runs = list({run.resolve(): run for run in runs}.values())  # a folder that is given twice counts once
-    for run in runs:
-        other = names.setdefault(name_of(read_config(run)), run)
-        if other != run:
-            raise ValueError(f"{other} and {run} are policies of one id and algorithm; give one of them")
-    return [export(run, out) for run in runs]
-
-
-def count_of(evaluation: Mapping[str, Any]) -> int:
-    """Number of the results in a card, of ``MEASURES``."""
-    return len(MEASURES) if evaluation["hold_success"] is None else CARD_RESULTS
-
-
 def card(
     config: Config, evaluation: Mapping[str, Any], layers: Layers, worst: Mapping[str, float], core: Core,
     scene: str,
@@ -164,7 +147,8 @@ def card(
         updates = learned * settings.gradient_steps / settings.train_freq
     # An old run may name a package that the present code does not use.
     found = evaluation["versions"].items()
-    return front_matter(config, evaluation, scene, MODULES.get(learner, "stable-baselines3")) + page(
+    count = len(MEASURES) if evaluation["hold_success"] is None else CARD_RESULTS
+    return front_matter(config, evaluation, scene, MODULES.get(learner, "stable-baselines3"), count) + page(
         "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
         core=core, scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"),
         reaches=isinstance(core.task, ReachTask), motors=WORDS.get(len(core.actions), len(core.actions)),
@@ -173,14 +157,15 @@ def card(
         parts=Markdown(", ".join(parts)), inputs=Markdown(" and ".join(parts)),
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
         versions=", ".join(f"{name} {version}" for name, version in found if name in ("python", *PACKAGES)),
-        results=results_table(evaluation, "", "this policy", count_of(evaluation)),
+        results=results_table(evaluation, "", "this policy", count),
     )  # fmt: skip
 
 
-def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, library: str) -> str:
-    """Front matter of a model card (https://huggingface.co/docs/hub/model-cards), with its results."""
+def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, library: str, count: int) -> str:
+    """Front matter of a model card (https://huggingface.co/docs/hub/model-cards), with its first
+    ``count`` results."""
     metrics = []
-    for label, key, scale, digits, unit in MEASURES[: count_of(evaluation)]:
+    for label, key, scale, digits, unit in MEASURES[:count]:
         if evaluation.get(key) is not None:
             name = f"{label} [{unit.strip()}]" if unit else label
             value = round(scale * float(evaluation[key]), digits)

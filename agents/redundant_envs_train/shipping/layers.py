@@ -74,7 +74,6 @@ def joined(inputs: Mapping[str, int], observations: Any) -> NDArray[np.float64]:
 
 
 def activated(name: str, x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """An activation by its name."""
     if name == "silu":
         return x * (0.5 + 0.5 * np.tanh(0.5 * x))  # avoids an exponential that overflows
     return np.tanh(x) if name == "tanh" else np.maximum(x, 0.0)
@@ -128,7 +127,6 @@ class Exact(nn.Module):
         self.layers, self.dtype = copy.deepcopy(modules_of(policy)).double().eval(), dtype
 
     def forward(self, *parts: Tensor) -> Tensor:
-        """Actions, (n, actions)."""
         actions: Tensor = self.layers(torch.cat(parts, 1).double()).clamp(-1.0, 1.0).to(self.dtype)
         return actions
 

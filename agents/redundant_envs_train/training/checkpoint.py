@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.support import bounded
-from redundant_envs.support.disk import DiskFull, told, write_bytes
+from redundant_envs.support.disk import write_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 
@@ -18,7 +18,7 @@ from .. import train_again
 from ..policies import TENSOR_NAMES as WEIGHTS
 from ..policies import check_table
 from ..rollout import each
-from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, check_resumable, flat, replace_folder
+from ..run_folder import CHECKPOINT, OLD_CHECKPOINT, STATE, check_resumable, first_difference, replace_folder
 
 with needs("train"):
     import torch
@@ -28,7 +28,6 @@ TABLES = ("selection.csv", "monitor.csv")
 """Files of a run that grow, and are cut back to their earlier length."""
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 """Counters of stable-baselines3's algorithms."""
-MOST = 1e18  # largest number of a run
 LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")
@@ -62,8 +61,7 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
     part = folder / PART
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir()
-    with told(folder / "monitor.csv"):
-        monitor.results_writer.file_handler.flush()
+    monitor.results_writer.file_handler.flush()
     state = {
         "run": run,
         "progress": progress,
@@ -84,13 +82,8 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
             "actions": model.action_space.np_random,
         },
     }
-    try:
-        # torch alone would leave the file open after an error
-        with told(folder / CHECKPOINT), (part / STATE).open("wb") as file:
-            torch.save(plain(state), file)
-    except DiskFull:
-        shutil.rmtree(part, ignore_errors=True)  # leaves room for the policy
-        raise
+    with (part / STATE).open("wb") as file:  # torch alone would leave the file open after an error
+        torch.save(plain(state), file)
     replace_folder(part, folder / CHECKPOINT, folder / OLD_CHECKPOINT)
 
 
@@ -148,14 +141,11 @@ def _bytes(value: Any) -> int:
 
 
 def _check_run(found: dict[str, Any], run: dict[str, Any]) -> None:
-    """ValueError with the settings that differ."""
     if found["simulator"] != run["simulator"]:
         raise ValueError("its simulator is another one")
-    theirs, ours = flat(found["settings"]), flat(run["settings"])
-    for name in ours | theirs:
-        other, value = theirs.get(name), ours.get(name)
-        if other != value:
-            raise ValueError(f"it was made with {name}: {shown(other)}, and config.yaml has {shown(value)}")
+    if differing := first_difference(found["settings"], run["settings"]):
+        name, theirs, ours = differing
+        raise ValueError(f"it was made with {name}: {theirs}, and config.yaml has {ours}")
 
 
 def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
@@ -183,20 +173,15 @@ def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
 
 
 def _like(name: str, found: Any, own: Any) -> Any:
-    """A value of a checkpoint, if it has the kind, shape and range of the model's own."""
+    """A value of a checkpoint, if it has the kind and shape of the model's own."""
     if isinstance(own, dict):
-        if not isinstance(found, dict) or found.keys() != own.keys():
+        if found.keys() != own.keys():
             raise ValueError(f"{name} has other entries")
         return {key: _like(f"{name}.{key}", found[key], own[key]) for key in own}
     if isinstance(own, int | float):
-        number = isinstance(found, int | float) and not isinstance(found, bool) and abs(found) <= MOST
-        if not number or (isinstance(own, int) and not (isinstance(found, int) and found >= 0)):
-            raise ValueError(f"{name} is {shown(found)}")
-        return found
+        return type(own)(found)
     if type(found) is not type(own) or found.shape != own.shape or found.dtype != own.dtype:
         raise ValueError(f"{name} is of another kind")
-    if not bool((abs(found) < float("inf")).all()):
-        raise ValueError(f"{name} is not finite")
     return found
 
 
@@ -215,7 +200,6 @@ def buffer_state(buffer: Any) -> dict[str, Any]:
 
 
 def set_buffer_state(buffer: Any, state: dict[str, Any]) -> None:
-    """Return to a state of :func:`buffer_state`."""
     for name in filter(lambda name: hasattr(buffer, name), BUFFER_ARRAYS):
         own, found = getattr(buffer, name), state["arrays"][name]
         for target, source in [(own[k], found[k]) for k in own] if isinstance(own, dict) else [(own, found)]:

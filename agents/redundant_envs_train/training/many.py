@@ -1,7 +1,10 @@
 """Several runs at a time, in separate processes, each on its own core."""
 
+import contextlib
 import multiprocessing
+import os
 import queue
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from threading import Event
@@ -9,11 +12,11 @@ from typing import Any
 
 from redundant_envs.support.disk import alone, check_plain
 from redundant_envs.support.extras import needs
+from redundant_envs.support.modules import IMPORTED, import_named
 
 from .. import run_folder
 from ..config import Config, checked
-from ..start import with_start
-from .pool import POLL, News, ask_to_stop, count_of, follow, places, settle, start
+from .pool import POLL, News, ask_to_stop, cores, count_of, follow
 
 with needs("train"):
     from rich.progress import Progress
@@ -22,36 +25,52 @@ with needs("train"):
 def train_many(configs: Mapping[str, Config], folder: Path, processes: int | None = None) -> None:
     """Train, evaluate and report configurations in folders by their names, some ``processes`` at a time, each
     on its own core while there are enough; finished ones are left alone. Stopped if the user asked for it."""
+    count = count_of(processes)
+    configs = {name: run_folder.with_start(config) for name, config in configs.items()}
+    jobs = {name: (config.to_dict(), str(folder / name)) for name, config in configs.items()}
+    with prepared(configs, folder):
+        in_processes(_train_one, jobs, count, all(config.torch_threads == 1 for config in configs.values()))
+
+
+def _train_one(data: dict[str, Any], place: str, progress: Progress) -> str:
+    finish(checked(Config, data), Path(place), progress)
+    return result_of(Path(place))
+
+
+def in_processes(work: Callable[..., str], jobs: Mapping[str, Any], count: int, own_cores: bool) -> None:
+    """Do ``work(*job, progress)`` for each job in ``count`` processes, each on a core of its own if they need
+    one and there are enough, and show their progress until all have ended. Stopped or ValueError as in
+    :func:`follow`."""
+    context = multiprocessing.get_context("spawn")
+    waiting, news, stopping = context.Queue(), context.Queue(), context.Event()
+    for job in jobs.items():
+        waiting.put(job)
+    own, team = cores(), []
+    for k in range(count := min(count, len(jobs))):
+        waiting.put(None)
+        core = own[k] if own_cores and count <= len(own) else None
+        given = work, waiting, news, stopping, core, tuple(IMPORTED)
+        team.append(context.Process(target=_work, args=given, daemon=True))
+        team[-1].start()
+    follow([*jobs], lambda stop: _reports([*jobs], team, news, stopping, stop))
+
+
+@contextlib.contextmanager
+def prepared(configs: Mapping[str, Config], folder: Path) -> Iterator[None]:
+    """Within this context the folder of runs is this process's own; ValueError if one of them is of another
+    configuration, or in another scene."""
     run_folder.check_out(folder)
     check_plain(folder)
-    count = min(count_of(processes), len(configs))
-    configs = {name: with_start(config) for name, config in configs.items()}
-    for name, config in configs.items():
-        check_same(config, folder / name)
+    for place, config in ((folder / name, config) for name, config in configs.items()):
+        if (place / "config.yaml").is_file():
+            other = run_folder.difference(place)
+            if run_folder.read_config(place).to_dict() != config.to_dict():
+                other = "of another configuration"
+            if other:
+                raise ValueError(f"{place} holds another run ({other}); choose another --out or delete it")
     folder.mkdir(parents=True, exist_ok=True)
     with alone(folder, "trains seeds"):
-        context = multiprocessing.get_context("spawn")
-        jobs, news, stopping = context.Queue(), context.Queue(), context.Event()
-        for name, config in configs.items():
-            jobs.put((name, config.to_dict(), str(folder / name)))
-        own_core = all(config.torch_threads == 1 for config in configs.values())
-        workers = [start(context, _work, jobs, news, stopping, core) for core in places(count, own_core)]
-        for _ in workers:
-            jobs.put(None)
-        names = list(configs)
-        follow(names, lambda stop: _reports(names, workers, news, stopping, stop))
-
-
-def check_same(config: Config, folder: Path) -> None:
-    """Refuse a folder that holds a run of another configuration, or in another scene."""
-    if not (folder / "config.yaml").is_file():
-        return
-    if run_folder.read_config(folder).to_dict() != config.to_dict():
-        raise ValueError(f"{folder} holds a run of another configuration; choose another --out or delete it")
-    if other := run_folder.difference(folder):
-        raise ValueError(
-            f"{folder} holds a run in another scene ({other}); choose another --out or delete it"
-        )
+        yield
 
 
 def _reports(
@@ -96,14 +115,20 @@ class Teller(Progress):
             self.tell((self.name, 0.99 * changes["completed"] / total, changes.get("note", ""), False))
 
 
-def _work(jobs: Any, news: Any, stopping: Any, core: int | None, modules: Sequence[str] = ()) -> None:
-    """Finish jobs until none is left, or the user has asked to stop."""
-    settle(core, modules)
-    while (job := jobs.get()) is not None and not stopping.is_set():
-        name, data, place = job
+def _work(
+    work: Callable[..., str], jobs: Any, news: Any, stopping: Any, core: int | None, modules: Sequence[str]
+) -> None:
+    """Do jobs until none is left, or the user has asked to stop."""
+    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and asks the others to stop.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for module in modules:
+        import_named(module)
+    if core is not None:
+        os.sched_setaffinity(0, {core})
+    while (named := jobs.get()) is not None and not stopping.is_set():
+        name, job = named
         try:
-            finish(checked(Config, data), Path(place), Teller(news.put, stopping.is_set, name))
-            news.put((name, 1.0, result_of(Path(place)), False))
+            news.put((name, 1.0, work(*job, Teller(news.put, stopping.is_set, name)), False))
         except KeyboardInterrupt:
             return
         except Exception as error:
@@ -117,24 +142,25 @@ def result_of(folder: Path) -> str:
     return f"mean return {result['mean_return']:.1f}" if hold is None else f"holds {100 * hold:.1f} %"
 
 
+def is_trained(folder: Path) -> bool:
+    return (folder / "training.json").is_file() and not run_folder.read_facts(folder)["stopped"]
+
+
 def is_finished(folder: Path) -> bool:
     """Whether a run is trained to its end, evaluated and reported."""
-    trained = (folder / "training.json").is_file() and not run_folder.read_facts(folder)["stopped"]
     evaluated = all((folder / name).is_file() for name in run_folder.RESULTS)
-    return trained and evaluated and not run_folder.find_checkpoint(folder)
+    return is_trained(folder) and evaluated and not run_folder.find_checkpoint(folder)
 
 
 def finish(config: Config, folder: Path, progress: Progress) -> None:
     """Train, evaluate and report a configuration, as far as this is not done yet."""
     from ..report import report
-    from .train import begin_again, resume, train
+    from .train import resume, train
 
     if is_finished(folder):
         return
     if not (folder / "config.yaml").is_file():
         train(config, folder, progress)
-    elif run_folder.find_checkpoint(folder):
-        resume(folder, progress, [f"telemetry=[{','.join(config.telemetry)}]"])
-    elif not (folder / "training.json").is_file() or run_folder.read_facts(folder)["stopped"]:
-        begin_again(config, folder, progress)
+    elif (there := run_folder.find_checkpoint(folder)) or not is_trained(folder):
+        resume(folder, progress, [f"telemetry=[{','.join(config.telemetry)}]"], again=not there)
     report(folder)

@@ -4,13 +4,10 @@ import contextlib
 import os
 import re
 import signal
-import stat
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
 
-from redundant_envs.support.modules import IMPORTED, import_named
 from redundant_envs.support.progress import progress_bars
 from redundant_envs.support.values import say
 
@@ -35,22 +32,18 @@ class Stopped(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """Within this context the first SIGINT, SIGTERM or SIGHUP is kept as a request; a second one interrupts
-    at once. In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes
-    it."""
+    """Within this context the first SIGINT or SIGTERM is kept as a request; a second one interrupts at once.
+    In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes it."""
     request = threading.Event()
 
     def note(number: int, frame: object) -> None:
-        if number == getattr(signal, "SIGHUP", None):
-            _leave_terminal()
-        elif request.is_set():
+        if request.is_set():
             raise KeyboardInterrupt
         request.set()
 
-    known = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
-    if threading.current_thread() is not threading.main_thread():
-        known = []
-    # a signal that is ignored, as by nohup or in a worker, stays ignored
+    is_main = threading.current_thread() is threading.main_thread()
+    known = (signal.SIGINT, signal.SIGTERM) if is_main else ()
+    # a signal that is ignored, as in a worker, stays ignored
     heard = [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]
     _requests.append(request)
     before = {number: signal.signal(number, note) for number in heard}
@@ -67,16 +60,6 @@ def ask_to_stop() -> None:
     on Windows they end a process at once."""
     for request in _requests:
         request.set()
-
-
-def _leave_terminal() -> None:
-    """Write no more to a terminal that is closed: an error there would end a training before it is saved."""
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
-            if stat.S_ISCHR(os.fstat(stream.fileno()).st_mode) and not stream.isatty():
-                nowhere = os.open(os.devnull, os.O_WRONLY)
-                os.dup2(nowhere, stream.fileno())
-                os.close(nowhere)
 
 
 def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News]]) -> None:
@@ -98,29 +81,6 @@ def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News
     if failures:
         count = f"{len(failures)} of {len(names)} runs failed"
         raise ValueError(f"{count}; the same command goes on: {'; '.join(failures)}")
-
-
-def places(count: int, alone: bool) -> Sequence[int | None]:
-    """A core for each of ``count`` processes, if each needs one ``alone`` and there are enough."""
-    own = cores()
-    return own[:count] if alone and count <= len(own) else [None] * count
-
-
-def start(context: Any, work: Callable[..., None], *more: Any) -> Any:
-    """A process of this machine that does ``work(*more, modules of the user)``, and ends with this one."""
-    process = context.Process(target=work, args=(*more, tuple(IMPORTED)), daemon=True)
-    process.start()
-    return process
-
-
-def settle(core: int | None, modules: Iterable[str]) -> None:
-    """Prepare a process for trainings: on a core of its own, with the modules of the user."""
-    # Ctrl-C of a terminal reaches all processes: only the first one reacts, and asks the others to stop.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for module in modules:
-        import_named(module)
-    if core is not None:
-        os.sched_setaffinity(0, {core})
 
 
 def seeds_of(text: str) -> list[int]:

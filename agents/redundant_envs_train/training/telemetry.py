@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from redundant_envs.support.disk import telling
 from redundant_envs.support.extras import needs
 
 from ..config import CLIENTS, Config
@@ -66,7 +65,4 @@ def logger(folder: Path, config: Config, steps: int) -> Logger:
             clients[name].start_run(run_name=folder.name)
             clients[name].log_dict(config.to_dict(), "config.yaml")
             writers.append(_Client(clients[name].log_metrics, clients[name].end_run))
-    for kind, writer in zip(config.telemetry, writers, strict=True):
-        for method in ("write", "close"):
-            setattr(writer, method, telling(getattr(writer, method), folder / kind))
     return Logger(str(folder), writers)

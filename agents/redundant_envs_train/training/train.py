@@ -1,7 +1,6 @@
 """One training run from a configuration to a run folder; it can be stopped and resumed."""
 
 import sys
-import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
@@ -11,7 +10,7 @@ import yaml
 
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.support.disk import DiskFull, alone, telling, told, write_text
+from redundant_envs.support.disk import alone, told, write_text
 from redundant_envs.support.extras import needs
 from redundant_envs.support.progress import progress_bars
 from redundant_envs.support.values import say
@@ -22,7 +21,6 @@ from ..config.run import first_environment_seed
 from ..learners.build import make_model
 from ..policies import save_policy, start_from
 from ..rollout import told as told_by
-from ..start import with_start
 from . import checkpoint
 from .pool import Stopped, stop_request
 from .telemetry import check, logger
@@ -46,7 +44,7 @@ def train(
     ``on_point`` raises ends the training and is raised here. Stopped if the user asked for it: the folder
     then has a checkpoint."""
     run_folder.check_new(folder)
-    config, new = with_start(config), not folder.exists()
+    config, new = run_folder.with_start(config), not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with alone(folder, "trains"):
@@ -57,20 +55,16 @@ def train(
                 folder.rmdir()
 
 
-def resume(folder: Path, progress: Progress | None = None, overrides: Sequence[str] = ()) -> dict[str, Any]:
+def resume(
+    folder: Path, progress: Progress | None = None, overrides: Sequence[str] = (), again: bool = False
+) -> dict[str, Any]:
     """Continue from the last checkpoint of a run folder, to the same bits as without a break; a run that was
-    stopped before its first one begins again, and what it had is set aside."""
+    stopped before its first one, or without any if ``again``, begins again, and what it had is set aside."""
     config = run_folder.config_to_resume(folder, overrides)
     with alone(folder, "trains"):
-        if run_folder.check_resumable(folder) is None:
+        if again or run_folder.check_resumable(folder) is None:
             return _again(config, folder, progress)
         return _run(config, folder, progress, new=False, resumed=True)
-
-
-def begin_again(config: Config, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
-    """Train a run once more that was stopped without a checkpoint."""
-    with alone(folder, "trains"):
-        return _again(config, folder, progress)
 
 
 def _again(config: Config, folder: Path, progress: Progress | None) -> dict[str, Any]:
@@ -104,40 +98,26 @@ def _run(
         for name, data in described.items():
             write_text(folder / name, yaml.safe_dump(data, sort_keys=False))
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
-    table = folder / "monitor.csv"
-    with told(table):
-        episodes = ResultsWriter(str(table), header, keywords, override_existing=not resumed)
-    for name in ("write_row", "close"):
-        setattr(episodes, name, telling(getattr(episodes, name), table))
-    monitor.results_writer = episodes
-    with told(folder):
-        telemetry = logger(folder, config, model.num_timesteps)
-    full: DiskFull | None = None
-    with stop_request() as stop:
-        model.set_logger(telemetry)
-        files = ExitStack()
-        files.callback(model.logger.close)
-        files.callback(monitor.close)
-        with progress_bars() if progress is None else nullcontext(progress) as bars:
+    with told(folder), stop_request() as stop:
+        table = str(folder / "monitor.csv")
+        monitor.results_writer = ResultsWriter(table, header, keywords, override_existing=not resumed)
+        model.set_logger(logger(folder, config, model.num_timesteps))
+        with ExitStack() as files, progress_bars() if progress is None else nullcontext(progress) as bars:
+            files.callback(model.logger.close)
+            files.callback(monitor.close)
             watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
             on_policy = isinstance(config.settings, PlainPPOSettings)
             every = LOG_ROLLOUTS if on_policy else LOG_EPISODES * config.num_envs
             try:
                 left = config.total_steps - model.num_timesteps
-                with told(folder):
-                    model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
+                model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
                 # a request during the last rollout comes too late
                 stopped = stop.is_set() and model.num_timesteps < config.total_steps
                 if not stopped:
                     watch.point()
-                files.close()
             except KeyboardInterrupt:
                 stopped = True
-            except DiskFull as error:
-                full, stopped = error, True
             finally:
-                with suppress(DiskFull):
-                    files.close()  # those that an error left open
                 if progress is not None:
                     bars.remove_task(watch.task)
         facts = {
@@ -145,14 +125,6 @@ def _run(
             "simulator": simulator_hash(base.core),
             "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
-        if full is not None:
-            kept = keep(model, folder)
-            with suppress(DiskFull):
-                run_folder.write_json(folder / "training.json", {**facts, "stopped": True})
-            for path in [path for path in run_folder.trained(folder) if not path.stat().st_size]:
-                path.unlink()
-            steps = f"{facts['env_steps']} of {config.total_steps} steps"
-            raise DiskFull(f"{full}. After {steps} {kept}") from full
         if stopped:
             save_policy(model, folder / "policy.zip")
         run_folder.write_json(folder / "training.json", {**facts, "stopped": stopped})
@@ -165,23 +137,6 @@ def _run(
         )
     checkpoint.remove(folder)
     return facts
-
-
-def keep(model: Any, folder: Path) -> str:
-    """Save the policy of a training whose disk is full where there is room, and say where."""
-    own = folder / "policy.zip"
-    with suppress(OSError):
-        save_policy(model, own)
-        return f"the policy is kept in {own}"
-    with suppress(OSError):
-        elsewhere = Path(tempfile.mkdtemp(prefix="redundant-envs-")) / own.name
-        try:
-            save_policy(model, elsewhere)
-        except OSError:
-            elsewhere.parent.rmdir()
-            raise
-        return f"the policy is kept in {elsewhere}"
-    return f"{own} is that of the last point of the curve" if own.is_file() else "no policy could be kept"
 
 
 def identity(config: Config, core: Core) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from redundant_envs.support.disk import told, write_text
+from redundant_envs.support.disk import write_text
 from redundant_envs.support.extras import needs
 
 from ..config import Config
@@ -148,7 +148,7 @@ class Watch(BaseCallback):
         shares = [math.nan if known is None else float(known.mean()) for known in ends]
         self.hold, self.returned = shares[0], float(outcome.returns.mean())
         numbers = dict(zip(CURVE, (*shares, self.returned), strict=True))
-        with told(self.table), self.table.open("a", encoding="utf-8") as file:
+        with self.table.open("a", encoding="utf-8") as file:
             row = ",".join(f"{number:.4f}" for number in numbers.values())
             file.write(f"{self.num_timesteps},{seconds:.2f},{row}\n")
         # Written now: the next line of the log is that of later steps, and may never come.
@@ -169,14 +169,7 @@ class Watch(BaseCallback):
         share = self.num_timesteps / config.total_steps
         if config.max_seconds is not None:
             share = max(share, self.seconds() / config.max_seconds)
-        if "is_success" in self.monitor.info_keywords:
-            recent = self.model.ep_success_buffer
-            now = f"{100 * np.mean(recent):.0f} %" if recent else "-"
-            held = "-" if math.isnan(self.hold) else f"{100 * self.hold:.1f} %"
-            note = f"holds {held}, while exploring {now}"
-        else:
-            recent = [episode["r"] for episode in self.model.ep_info_buffer or ()]
-            now = f"{np.mean(recent):.1f}" if recent else "-"
-            known = "-" if math.isnan(self.returned) else f"{self.returned:.1f}"
-            note = f"mean return {known}, while exploring {now}"
+        note = "" if math.isnan(self.returned) else f"mean return {self.returned:.1f}"
+        if not math.isnan(self.hold):
+            note = f"holds {100 * self.hold:.1f} %"
         self.progress.update(self.task, completed=share * config.total_steps, note=note)
