@@ -113,20 +113,6 @@ def test_an_interval_with_a_contact_keeps_its_tolerance(arm, obstacle):
     assert (np.linalg.norm(tips[0] - tips[2], axis=1) > 1e-4).sum() > 20
 
 
-def test_a_link_that_begins_to_slide_the_other_way_is_watched():
-    """It is in contact all the time; another program found the tip."""
-    arm = rde.Chain("RR", (0.19661517732425748, 0.6276178386547531), (0.2919606786048174, 1.2477926760767333))
-    ball = e.Disc(
-        (1.0760695619103293, -0.4109681948874484), 0.22276122269093718, 526.3374004430167,
-        0.36735871379078744, 0.522495926254648, 0.18662738386056418, along_links=True,
-    )  # fmt: skip
-    scene = rde.Scene(arm, (ball,), control_dt=0.05, tolerance=1e-6, actuation="joint")
-    q, qd = (0.682604263324069, -0.7396063880341945), (-0.015755018064297112, 0.0)
-    batch, _ = advanced(scene, q, qd, (-5.281835224735402, 25.354833919913116))
-    tip = (1.2382587066864388, -0.7675542471393981)
-    np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-6)
-
-
 @pytest.mark.quick("0.005-half-plane")
 @WITH
 @pytest.mark.parametrize("dt", [0.005, 0.05])

@@ -6,6 +6,7 @@ from catalogue import FOUR_R, RPRP, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.effects.gear_backlash import contacts, teeth
 
 INERTIA = 2.0
 ONE = rde.Chain("R", (INERTIA,), (1.0,))
@@ -15,6 +16,7 @@ METHODS = {
     "dop853": {"integrator": "dop853"},
 }  # fmt: skip
 WITH = pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
+LOCATED = pytest.mark.parametrize("how", list(METHODS.values())[2:], ids=list(METHODS)[2:])
 ZERO = np.zeros((1, 1))
 
 
@@ -57,7 +59,7 @@ def driven(t, inertia=INERTIA):
     return steady + (vectors * np.exp(values * t)) @ weights
 
 
-@pytest.mark.parametrize("how", list(METHODS.values())[2:], ids=list(METHODS)[2:])
+@LOCATED
 def test_a_dc_motor_speeds_up_as_its_two_equations_say(how):
     batch = moved((MOTOR,), U, intervals=3, **how)
     rate, current = driven(0.06).real
@@ -144,3 +146,59 @@ def test_play_follows_its_command_by_the_ends_of_its_gap():
 
 def test_an_armature_adds_to_the_inertia_of_its_joint():
     assert moved((e.Armature(0.5),), 5.0).qd[0, 0] == pytest.approx(5.0 * 0.02 / (INERTIA + 0.5), rel=1e-14)
+
+
+# ---- gears with backlash ---------------------------------------------------------------------------------
+
+GAP, STIFFNESS, J, EFFORT = 0.04, 200.0, 0.02, 3.0
+GEAR = e.GearBacklash(GAP, STIFFNESS, J)
+WALL = rde.Chain("R", (1e12,), (1.0,))
+"""A joint so heavy that it stays where it is."""
+STEP = 0.005
+
+
+def motor(effect, u, intervals, arm=WALL, rate=0.0, **how):
+    """Angle and rate of the motor, and those of its joint, after some intervals under a constant command."""
+    scene = rde.Scene(arm, (effect,), control_dt=STEP, **how)
+    batch, status = advanced(scene, ZERO + 0.3, ZERO + rate, ZERO + u, intervals=intervals)
+    assert not status.numerics.any()
+    return *(batch.z[0] - [0.3, 0.0]), batch.q[0, 0] - 0.3, batch.qd[0, 0]
+
+
+@LOCATED
+def test_the_motor_crosses_half_the_gap_alone_and_then_oscillates_on_the_teeth(how):
+    contact = np.sqrt(GAP * J / EFFORT)
+    speed, w = EFFORT * contact / J, np.sqrt(STIFFNESS / J)
+    met = 0
+    for intervals in (1, 2, 3, 4, 6):
+        t = intervals * STEP
+        turned = (EFFORT * t**2 / (2.0 * J), EFFORT * t / J)
+        if t > contact:
+            met, s = met + 1, w * (t - contact)
+            depth = EFFORT / STIFFNESS * (1.0 - np.cos(s)) + speed / w * np.sin(s)
+            assert depth > 0.0
+            turned = (0.5 * GAP + depth, EFFORT / STIFFNESS * w * np.sin(s) + speed * np.cos(s))
+        angle, rate, joint, _ = motor(GEAR, EFFORT, intervals, **how)
+        assert (angle, rate) == pytest.approx(turned, rel=1e-8)
+        assert joint == pytest.approx(0.0, abs=1e-12)
+    assert 0 < met < 5
+
+
+@LOCATED
+def test_a_gear_under_load_winds_up_by_half_its_gap_and_its_torque_by_its_stiffness(how):
+    damped = e.GearBacklash(GAP, STIFFNESS, J, 150.0)
+    for u in (EFFORT, -EFFORT):
+        angle, rate, _, _ = motor(damped, u, 200, **how)
+        assert angle == pytest.approx(np.sign(u) * 0.5 * GAP + u / STIFFNESS, rel=1e-9)
+        assert rate == pytest.approx(0.0, abs=1e-9)
+
+
+def test_teeth_never_pull_however_fast_they_part():
+    for lead, closing, torque in (
+        (0.1, 1.0, 120.0),
+        (0.1, -1.0, 0.0),
+        (-0.1, -1.0, -120.0),
+        (-0.1, 1.0, 0.0),
+    ):
+        sides = [1.0 if x >= 0.0 else -1.0 for x in contacts(lead, 0.0, 0.0)]
+        assert teeth(lead, closing, 0.0, 0.0, 0.0, STIFFNESS, 1e3, *sides) == pytest.approx(torque)

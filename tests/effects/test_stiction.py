@@ -279,18 +279,3 @@ def test_how_low_a_bounce_ends_in_rest_follows_from_the_tolerance(tolerance, bou
 
 
 # ---- whole arms ---------------------------------------------------------------------------------------
-
-
-def test_how_late_a_rest_is_found_costs_no_accuracy():
-    """A slider far out has a friction of 18 N: until its rest was found, the arm was pushed as if it slid.
-    Another program found the tip."""
-    masses = (1.2772558680633215, 0.5548617605105043, 0.6257547466951878, 1.673352399063898)
-    levels = (0.2069690005405073, 0.27837445757698187, 18.12562398179966, 0.40379153177170973)
-    q = (0.32169516416062327, -0.4074025178083903, -1.7915379719100903, 8.730343997802555)
-    qd = (-0.03594581262447852, -0.0, 0.18908114944385543, 0.4204891821900181)
-    efforts = (0.882947420728567, 1.9721354123439192, -3.254420578037593, 1.5828399664206532)
-    arm = rde.Chain("RPRP", masses, (0.2954454083497294, 0.9937503258505889))
-    made = rde.Scene(arm, (e.CoulombFriction(levels),), control_dt=0.1, tolerance=1e-6, actuation="joint")
-    batch, _ = advanced(made, q, qd, efforts)
-    tip = (-2.066342308202145, -9.607815077491992)
-    np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-9)

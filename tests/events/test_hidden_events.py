@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from catalogue import RPRP, stops
+from catalogue import tips_after as end_of
 
 import redundant_envs as rde
 from redundant_envs.simulator.events import crossings
@@ -149,6 +150,18 @@ def test_intervals_that_were_beyond_their_tolerance_keep_it(found):
     )
     assert not (sure.numerics | status.numerics).any()
     assert np.linalg.norm(tip - exact) < 0.7 * family.tolerance
+
+
+ENDS = {found["what"]: found for found in FOUND["ends of another program"]}
+
+
+@pytest.mark.parametrize("what", ENDS)
+def test_intervals_end_where_another_program_ends_them(what):
+    """Each was off by tolerances when it was found."""
+    found, made = ENDS[what], rde.Scene.from_dict(ENDS[what]["scene"])
+    tips, status = end_of(made, *([found[name]] for name in ("q", "qd", "efforts")))
+    assert not status.numerics.any()
+    assert np.linalg.norm(tips[0] - found["tip"]) <= found["most"]
 
 
 # ---- release -------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from gymnasium.error import ResetNeeded
 
 from .cases import Violation, lanes_of, with_lanes, without_calls
 from .judging import FLAGS, OF_VERIFY, violations_of
-from .playing import Player, Singles, StableBaselines, differing, play, same
+from .playing import Player, differing, play, same
 
 MANY = 1024
 """Lanes of a vector that has as many as those of learners have; simulators are judged with more."""
@@ -105,26 +105,6 @@ def in_another_order(case, steps, order):
         yield k, lane, f"{text} in another order of {len(order)} with {other['threads']} threads"
 
 
-def every_face_has_the_same_bits(case, steps):
-    """Single environments and vectors of stable-baselines3 play the same episodes to the same bits."""
-    every, kept = [*range(case["num_envs"])], {**case, "autoreset_mode": "same_step"}
-
-    def plain(step):
-        """Whether a call was made of all lanes, and has no options."""
-        wanted = step.call["call"] in ("reset", "step", "copy", "pickle") and "options" not in step.call
-        return wanted and step.error is None and lanes_of(case, step.call) == every
-
-    for _ in range(2):  # what is left may be refused now
-        kept = without_calls(kept, [k for k, step in enumerate(steps) if not plain(step)])
-        steps = play(kept)
-    for face in (Singles, StableBaselines):
-        for k, (step, twin) in enumerate(zip(steps, play(kept, face), strict=True)):
-            told = {name: step.told[name].astype(x.dtype) for name, x in twin.told.items()}
-            if twin.error is not None or (apart := differing(told, twin.told, every)):
-                yield k, -1 if twin.error else apart[0], f"other bits by {face.__name__}: {twin.error}"
-                break
-
-
 def observations_lie_in_their_space(case, steps):
     """Every observation is finite, and lies in its space."""
     space = Player(case).env.single_observation_space
@@ -138,8 +118,7 @@ def observations_lie_in_their_space(case, steps):
 
 OF_ENVIRONMENTS = (
     only_documented_exceptions, a_refused_call_changes_nothing, what_is_saved_continues,
-    no_lane_depends_on_others, thousands_have_the_same_bits, every_face_has_the_same_bits,
-    observations_lie_in_their_space,
+    no_lane_depends_on_others, thousands_have_the_same_bits, observations_lie_in_their_space,
 )  # fmt: skip
 COSTLY = {"thousands_have_the_same_bits"}
 """Promises that depend little on the order of calls."""

@@ -1,15 +1,11 @@
 """Playing cases: every call of an environment, its results, and the lanes before and after."""
 
 import copy
-import functools
 import pickle
 from dataclasses import dataclass, field
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
-
-import redundant_envs as rde
 
 from .cases import lanes_of, taken
 
@@ -37,14 +33,12 @@ class Player:
     def __init__(self, case):
         self.case = case
         self.id = f"redundant_envs/{case['scene']['robot']['type']}{'Goal' * case['goal']}Reach-v0"
-        of_case = ("scene", "on_bad_action", "max_episode_steps", "task")
-        self.arguments = {name: case[name] for name in of_case}
         self.env, self.saved = self.made(), None
         self.ready, self.ended = False, np.zeros(case["num_envs"], np.bool_)  # lanes whose episode ended
 
     def made(self):
-        of_vector = {name: self.case[name] for name in ("num_envs", "threads", "autoreset_mode")}
-        return gym.make_vec(self.id, **self.arguments, **of_vector)
+        names = "scene on_bad_action max_episode_steps task num_envs threads autoreset_mode"
+        return gym.make_vec(self.id, **{name: self.case[name] for name in names.split()})
 
     def play(self, call):
         """Make a call; any exception is kept."""
@@ -107,10 +101,17 @@ class Player:
         return may, None if not found else found[0] if len(found) == 1 else ""
 
     def step(self, call):
-        *result, infos = self.env.step(actions_of(call))
-        self.ended = result[2] | result[3]
-        begun = np.flatnonzero(infos.get("_final_obs", ()))
-        return step_told(*result, {lane: infos["final_obs"][lane] for lane in begun})
+        actions = call["actions"]
+        if actions.dtype.kind == "f" and not call.get("float64"):
+            actions = actions.astype(np.float32)
+        obs, reward, terminated, truncated, infos = self.env.step(actions)
+        self.ended = terminated | truncated
+        found = {"reward": np.array(reward), "terminated": terminated, "truncated": truncated}
+        for name, table in named(obs).items():
+            ends = found[f"last {name}"] = np.array(table)
+            for lane in np.flatnonzero(infos.get("_final_obs", ())):
+                ends[lane] = named(infos["final_obs"][lane])[name]
+        return found | now_told(obs)
 
     def reset(self, call):
         count, lanes, options = self.case["num_envs"], lanes_of(self.case, call), call.get("options", {})
@@ -121,54 +122,6 @@ class Player:
         obs, _ = self.env.reset(seed=seeds, options=options)
         self.ready, self.ended[lanes] = True, False
         return now_told(obs)
-
-
-class Singles(Player):
-    """Single environments, which begin their next episode at the end of one."""
-
-    def made(self):
-        make = functools.partial(gym.make, self.id, disable_env_checker=True, **self.arguments)
-        return SyncVectorEnv([make] * self.case["num_envs"], autoreset_mode=AutoresetMode.SAME_STEP)
-
-    def now(self):
-        return {}
-
-
-class StableBaselines(Player):
-    """A vector of stable-baselines3; every call is for all lanes."""
-
-    now = Singles.now
-
-    def made(self):
-        return rde.make_sb3(self.id, self.case["num_envs"], threads=self.case["threads"], **self.arguments)
-
-    def step(self, call):
-        obs, reward, dones, infos = self.env.step(actions_of(call))
-        truncated = np.array([info["TimeLimit.truncated"] for info in infos])
-        begun = {lane: infos[lane]["terminal_observation"] for lane in np.flatnonzero(dones)}
-        found = step_told(obs, reward, dones & ~truncated, truncated, begun)
-        del found["truncated"]  # false where a fault ends an episode
-        return found
-
-    def reset(self, call):
-        if "seed" in call:
-            self.env._seeds = call["seed"].tolist()  # seed(s) gives s, s + 1, ...
-        return now_told(self.env.reset())
-
-
-def actions_of(call):
-    actions = call["actions"]
-    return actions.astype(np.float32) if actions.dtype.kind == "f" and not call.get("float64") else actions
-
-
-def step_told(obs, reward, terminated, truncated, begun):
-    """``begun``: last observations of lanes whose next episode has begun."""
-    found = {"reward": np.array(reward), "terminated": terminated, "truncated": truncated}
-    for name, table in named(obs).items():
-        ends = found[f"last {name}"] = np.array(table)
-        for lane, last in begun.items():
-            ends[lane] = named(last)[name]
-    return found | now_told(obs)
 
 
 def now_told(obs):
@@ -183,9 +136,9 @@ def arrays(rows):
     return {name: arrays(x) if isinstance(x, dict) else np.array(x) for name, x in rows.items()}
 
 
-def play(case, face=Player):
+def play(case):
     """All calls of a case."""
-    player = face(case)
+    player = Player(case)
     return [player.play(call) for call in case["calls"]]
 
 

@@ -1,12 +1,9 @@
 """Cases drawn one after another, for a given time; each failure becomes a small file."""
 
-import os
 import sys
 import time
 import traceback
-import warnings
 from collections import Counter
-from itertools import count
 
 from . import cases
 from .cases import Violation
@@ -33,12 +30,10 @@ def judged(case, tally=None, only=()):
 
 def run(seed, numbers, end, out, only=()):
     """Counts, and files of failures in a folder, of cases of a seed until a time of ``time.monotonic``."""
-    tally, files, parent = Counter(), [], os.getppid()
+    tally, files = Counter(), []
     for number in numbers:
         if time.monotonic() > end:
             break
-        if os.getppid() != parent:
-            sys.exit("fuzz: who asked for it is gone")
         case = drawn(seed, number)
         failures = {v.invariant: v for v in reversed(judged(case, tally, only))}
         for kind, violation in failures.items():
@@ -55,12 +50,6 @@ def run(seed, numbers, end, out, only=()):
         told = f"fuzz: case {number}, {tally['intervals']} intervals: {', '.join(failures) or 'good'}"
         print(told, file=sys.stderr, flush=True)
     return tally, files
-
-
-def worker(seed, first, stride, minutes, out, only):
-    """Run the cases first, first + stride, ... of a seed in a process of their own."""
-    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy warns of overflows; the cases provoke them
-    return run(seed, count(first, stride), time.monotonic() + 60.0 * minutes, out, only)
 
 
 # ---- small cases ----------------------------------------------------------------------------------------

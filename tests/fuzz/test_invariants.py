@@ -8,8 +8,6 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.env import ArmEnv
-from redundant_envs.envs.sb3 import SB3VecEnv
 from redundant_envs.envs.vector_env import ArmVectorEnv
 from redundant_envs.verify import conservation
 
@@ -131,8 +129,6 @@ FAULTS = [
     (BATCH, "advance_partly", then(knows_the_first), "effects_commute"),
     (BATCH, "advance", then(numbers_its_lanes), "thousands_have_the_same_bits"),
     (VECTOR, "step", then(shows_its_number), "thousands_have_the_same_bits"),
-    (SB3VecEnv, "step_wait", with_part(1, 2, 0.5), "every_face_has_the_same_bits"),
-    (ArmEnv, "step", with_part(0, 2, 0.5), "every_face_has_the_same_bits"),
     (VECTOR, "step", raises, "only_documented_exceptions"),
     (Core, "checked", lambda core, checked, options, lanes: checked({}, lanes), "only_documented_exceptions"),
     (Core, "checked", draws_before_it_refuses, "a_refused_call_changes_nothing"),

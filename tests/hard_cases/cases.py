@@ -6,7 +6,6 @@
 import math
 from dataclasses import replace
 
-import gymnasium as gym
 import numpy as np
 
 import redundant_envs as rde
@@ -229,24 +228,14 @@ half of 1.2e-10 rad at most."""
 SPINNING = rde.Scene(LAB, (), integrator="rk4", control_dt=5.0, substeps=1000)
 
 
-def spinning_up(_):
-    """Ten episodes of full efforts without friction."""
-    scene = rde.load_scene("four_r_reach").to_dict()
-    scene["effects"] = [x for x in scene["effects"] if x["type"] != "ViscousFriction"]
-    env = gym.make("redundant_envs/FourRReach-v0", scene=scene, max_episode_steps=500)
-    flagged, unreal, returns = 0, 0, []
-    for seed in range(10):
-        env.reset(seed=seed)
-        total, terminated, truncated = 0.0, False, False
-        while not (terminated or truncated):
-            obs, reward, terminated, truncated, info = env.step(np.ones(4, np.float32))
-            total += reward
-            unreal += not (np.isfinite(obs).all() and np.isfinite(total))
-        flagged += terminated and bool(info["numerics"] & rde.Numerics.SPEED_BOUND)
-        returns.append(total)
-    yield Figure("the number of 10 episodes that end at the speed bound", flagged, at_least(10))
-    yield Figure("the number of steps with numbers that are not finite", unreal, at_most(0))
-    yield Figure("the largest return of those ends", max(returns), at_most(1e-9))
+SPRUNG = falling(SLIDING, e.CentringSpring((200.0, 200.0), (0.0, 0.0), (0.3, 0.3)))
+
+
+def releases(lanes):
+    """Poses of an RPRP arm, whose sliders are within their travel."""
+    q = np.random.default_rng(11).uniform(-np.pi, np.pi, (lanes, 4))
+    q[:, [1, 3]] = 0.15 + 0.1 / np.pi * q[:, [1, 3]]
+    return q
 
 
 def deviation(run, motion):
@@ -298,7 +287,6 @@ CHAOS = {
             Asked("the mean cost", lambda _, m: m.evaluations.mean() / 12, at_most(20, "steps of RK8")),
         ), lambda k: BANG_BANG[k]),
     ),
-    "17": (spinning_up,),
     "20": (
         Run(SPINNING, ZERO, SPIN, 1257, (
             Asked("the angle by the rate", lambda _, m: abs(m.q[-1] / SPIN - 6285).max(), at_most(7.5e-7)),
@@ -313,25 +301,31 @@ CHAOS = {
             name=f"with {method.upper()} of {1e3 * step:g} ms ",
         )
         for method, step, most in (("rk4", 1e-3, 1e-3), ("rk8", 2.5e-3, 1e-7))
+    ) + tuple(
+        Run(
+            replace(scene, integrator=method, control_dt=step * substeps, substeps=substeps),
+            releases(lanes), 0.0, intervals,
+            (Asked("the median energy", median_energy, at_most(most, "J off")),),
+            name=f"RPRP with {what} and {method.upper()} ",
+        )
+        for what, scene, method, step, substeps, lanes, intervals, most in (
+            ("springs", SPRUNG, "rk4", 1e-3, 10_000, 16, 20, 2.4e-5),
+            ("springs", SPRUNG, "rk8", 2.5e-3, 10_000, 64, 40, 1e-10),
+            ("stops", stopped(), "rk4", 1e-3, 20, 16, 1000, 1.5e-7),
+        )
     ),
 }  # fmt: skip
 
 # ---- stops and impacts ------------------------------------------------------------------------------------
 
 
-def errors_of_five_impacts(subject, steps):
-    """Errors of the tip in steps of RK4, m; the run and the motion of the last of them."""
+def five_impacts_keep_the_order(subject):
     exact, errors = rde.simulate(stopped(integrator="dop853"), *FIVE_IMPACTS, [0.5]).q[-1], []
-    for step in steps:
+    for step in (1e-2, 5e-3, 2.5e-3, 1e-3):
         scene = stopped(integrator="rk4", control_dt=step)
         run = Run(scene, *FIVE_IMPACTS, round(0.5 / step), (), longest=step)
         motion = run.motion(subject)
         errors.append(tips_off(run, motion.q[-1], exact).max())
-    return errors, run, motion
-
-
-def five_impacts_keep_the_order(subject):
-    errors, run, motion = errors_of_five_impacts(subject, (1e-2, 5e-3, 2.5e-3, 1e-3))
     slopes = np.diff(np.log(errors)) / np.log((0.5, 0.5, 0.4))
     yield Figure("the largest distance beyond a stop", beyond(run, motion), at_most(0, "m"))
     yield Figure("the number of impacts less 5", abs(len(motion.impacts()) - 5), at_most(0))
@@ -340,28 +334,6 @@ def five_impacts_keep_the_order(subject):
     yield Figure("the energy at RK4 of 1 ms", energy_change(run, motion), at_most(1e-8, "J off"))
     cost = motion.evaluations.sum() / (4 * 500)
     yield Figure("the evaluations at RK4 of 1 ms", cost, at_most(1.05, "of those without stops"))
-
-
-def one_impact(subject):
-    """A thousand states in which slider 1 strikes its upper stop, and a nanosecond after it."""
-    rng = np.random.default_rng(3)
-    angle, other = rng.uniform(-3, 3, (2, 1000))
-    q = np.column_stack([angle, np.full(1000, 0.3), other, rng.uniform(0.05, 0.25, 1000)])
-    qd = rng.normal(0, 2, (1000, 4))
-    qd[:, 1] = np.abs(qd[:, 1]) + 0.05
-    mass, before = UNEQUAL.mass_matrix(q), UNEQUAL.kinetic_energy(q, qd)
-    for restitution in (0.0, 0.5, 1.0):
-        name = f"at restitution {restitution:g} the"
-        scene = stopped(UNEQUAL, restitution, 0.0, control_dt=1e-9, integrator="rk4")
-        end = subject.motion(scene, q, qd, 1)
-        lost = (1.0 - restitution**2) * qd[:, 1] ** 2 / (2.0 * np.linalg.inv(mass)[:, 1, 1])
-        off = np.abs(before - lost - UNEQUAL.kinetic_energy(end.q[-1], end.qd[-1])) / before
-        yield Figure(f"{name} energy lost", off.max(), at_most(1e-12, "of the kinetic energy off"))
-        off = np.abs(end.qd[-1, :, 1] + restitution * qd[:, 1]).max()
-        yield Figure(f"{name} slider's velocity", off, at_most(1e-6, "m/s off"))
-        # Forces change momenta by some 1e-7 in the nanosecond.
-        jump = np.abs(np.einsum("nij,nj->ni", mass, end.qd[-1] - qd)[:, [0, 2, 3]]).max()
-        yield Figure(f"{name} change of other momenta", jump, at_most(1e-6, "kg m/s or kg m^2/s"))
 
 
 def pulled_back(gaps, asked, name="", longest=None, **how):
@@ -442,7 +414,6 @@ STOPS = {
         five_impacts_keep_the_order,
         Run(stopped(tolerance=1e-12), *FIVE_IMPACTS, 25, (energy_kept(1e-10),), name="at exact "),
     ),
-    "24": (one_impact,),
     "27": tuple(
         pulled_back((0.002,), (
             Asked("the number of impacts less 1", lambda _, m: abs(len(m.impacts("r1")) - 1), at_most(0)),
@@ -606,26 +577,6 @@ EXTREMES = {
 """Gravity, control interval [s], intervals, scale of the energy [J]."""
 
 
-def picked_up(_):
-    """An arm picks up 100 kg after half a second: its balance begins again there."""
-    scene = falling(LAB, e.ViscousFriction(0.5), e.Payload(0.0), tolerance=1e-12)
-    batch = rde.BatchSimulator(scene, 1, track_work=True)
-    batch.set_state(*BENT)
-
-    def book(arm):
-        return (arm.kinetic_energy(batch.q, batch.qd) + arm.potential_energy(batch.q) - batch.work)[0]
-
-    for load in (0.0, 100.0):
-        arm, flags = rde.FourR((1.0, 1.0, 1.0, 1.0 + load), LAB.lengths), 0
-        batch.set_parameters({"payload.mass": load})
-        start = book(arm)
-        for k in range(25):
-            flags |= batch.advance([[2.0, 1.0, -1.0, 0.5 if k % 2 else -0.5]]).numerics[0]
-        off = abs(book(arm) - start)
-        yield Figure(f"with {load:g} kg energy less work", off, at_most(1e-9, "J off"))
-        yield Figure(f"with {load:g} kg flags", flags, at_most(0))
-
-
 def two_halves(subject):
     """Sliders between their stops, every seventh at one; and a smooth motion."""
     rng = np.random.default_rng(6)
@@ -679,7 +630,6 @@ NUMBERS = {
             )
             for name, (field, dt, intervals, scale) in EXTREMES.items()
         ),
-        picked_up,
     ),
     "37": (two_halves,),
 }  # fmt: skip

@@ -5,9 +5,8 @@ import math
 
 import numpy as np
 
-from redundant_envs.effects import CoulombFriction, Lag, SmoothCoulombFriction
+from redundant_envs.effects import Lag, SmoothCoulombFriction
 from redundant_envs.effects.hooks import Force, Impact
-from redundant_envs.language.algebra import maximum, minimum, physics, where
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
 from tests.oracles.printed import misprints
@@ -243,100 +242,15 @@ class FlippedVelocity(ImpulseAtStepEnd):
         qd[outside, k] *= -restitution
 
 
-class CubicGuess(EqualSteps):
-    """The cubic through positions and velocities at both ends of a step says when the slider meets its stop:
-    its root is taken as the time, and a stop it does not reach as never met. Of one lane, without events."""
-
-    name = "cubic event guess taken as truth"
-
-    def at_stops(self, scene, acceleration, start, end, h, time, motion):
-        for _ in range(100):
-            guesses = [
-                (tau, k, stop, restitution)
-                for k, lower, upper, restitution in stops_of(scene)
-                for side, stop in ((-1.0, lower), (1.0, upper))
-                for tau in self.roots(*(x[0, k] for x in (*start, *end)), h, side, stop)
-            ]
-            if not guesses:
-                break
-            tau, k, stop, restitution = min(guesses)
-            q, qd = self.step(acceleration, *start, tau)
-            q[0, k] = stop
-            start, h = (q, impulse(scene.robot, q, qd, k, restitution)), h - tau
-            end = self.step(acceleration, *start, h)
-        return end
-
-    @staticmethod
-    def roots(q0, v0, q1, v1, h, side, stop):
-        """Times in (0, h] at which the cubic passes a stop outwards."""
-        cubic = [2.0 * (q0 - q1) + h * (v0 + v1), 3.0 * (q1 - q0) - h * (2.0 * v0 + v1), h * v0, q0 - stop]
-        found = np.roots(cubic) if np.isfinite(cubic).all() else np.array([])
-        times = h * found.real[np.abs(found.imag) < 1e-9]
-        slope = side * np.polyval(np.polyder(cubic), times / h)
-        return times[(times > 1e-9 * h) & (times <= h) & (slope > 0.0)]
-
-
 # ---- friction -------------------------------------------------------------------------------------------
 
 
-class OtherFriction(Subject):
-    """Has another friction in place of a scene's."""
-
-    def motion(self, scene, *motion):
-        (dry,) = scene.effects
-        return super().motion(dataclasses.replace(scene, effects=(self.other(dry.level),)), *motion)
-
-
-class SmoothedFriction(OtherFriction):
+class SmoothedFriction(Subject):
     """Makes the jump of dry friction at rest smooth, v / sqrt(v^2 + e^2): a loaded joint creeps."""
 
     name = "smoothed friction"
 
-    def other(self, level):
-        return SmoothCoulombFriction(level, 0.05)  # rad/s: its own steps would be unstable at less
-
-
-def bound(k):
-    return {"rate": f"phid{k + 1}", "level": f".level[{k}]"}
-
-
-@physics
-def against_rate(rate, level):
-    return where(rate > 0.0, -level, where(rate < 0.0, level, 0.0))
-
-
-@physics
-def against_load(rate, effort, level):
-    holding = minimum(maximum(-effort, -level), level)
-    return where(abs(rate) < 0.01, holding, where(rate > 0.0, -level, level))
-
-
-@dataclasses.dataclass(frozen=True)
-class SignOfRate(CoulombFriction):
-    """Opposes the sign of the rate, and does nothing at rest."""
-
-    def hooks(self, arm):
-        return tuple(Force(k, against_rate, bound(k)) for k in range(len(arm.joints)))
-
-
-@dataclasses.dataclass(frozen=True)
-class DeadBand(CoulombFriction):
-    """Opposes the rate outside a band of 0.01 rad/s, and balances the effort of the motor in it."""
-
-    def hooks(self, arm):
-        joints = range(len(arm.joints))
-        return tuple(Force(k, against_load, bound(k) | {"effort": f"command{k + 1}"}) for k in joints)
-
-
-class ChatteringFriction(OtherFriction):
-    """Takes the sign of the rate at each evaluation: a loaded joint trembles, and moves on."""
-
-    name = "sign of the rate"
-    other = SignOfRate
-
-
-class KarnoppFriction(OtherFriction):
-    """Takes small rates for none (Karnopp 1985): a joint that should have come to rest drifts on."""
-
-    name = "dead band of rates"
-    other = DeadBand
+    def motion(self, scene, *motion):
+        (dry,) = scene.effects
+        smooth = SmoothCoulombFriction(dry.level, 0.05)  # rad/s: its own steps would be unstable at less
+        return super().motion(dataclasses.replace(scene, effects=(smooth,)), *motion)

@@ -4,7 +4,6 @@ import re
 
 import pytest
 
-from redundant_envs.support.figures import new_figure
 from redundant_envs.verify.promises import at_most
 
 from . import __main__ as page
@@ -45,15 +44,3 @@ def test_the_page_has_every_case_in_order_and_marks_missed_promises():
     assert re.findall(r"^### .*$", text, re.M) == [page.heading(case) for case in CASES]
     assert re.findall(r"^## (.*)$", text, re.M) == list(THEMES)
     assert text.count("| an error | at most 2 m | 1 | **3** |") == len(CASES)
-    pictures = re.findall(r"\(hard_cases/(\w+)\.png\)", text)
-    assert sorted(pictures) == sorted(draw.__name__ for draw, _ in page.PICTURES.values())
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", page.PICTURES)
-def test_a_picture_of_the_page_is_drawn_again(number):
-    pytest.importorskip("matplotlib", reason="pictures need the extra 'plot'")
-    draw, _ = page.PICTURES[number]
-    axes = new_figure(6.4, 3.6, 120).subplots()
-    draw(axes, False)
-    assert "this package" in " ".join(axes.get_legend_handles_labels()[1])

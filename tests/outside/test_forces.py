@@ -4,16 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
-from arms import ARMS, Bumper, e, states
+from arms import ARMS, e, states
 from catalogue import advanced
 from held_command import HeldCommand
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.simulator.lane.direct import fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
-from redundant_envs.verify import forces, verify
 
 # ---- at points -----------------------------------------------------------------------------------------
 
@@ -36,20 +34,6 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
     driven = efforts @ arm.motor_map.T if actuation == "joint" else efforts
     expected = arm.forward_dynamics(q, qd, driven + np.einsum("nij,ni->nj", at_point, force))
     assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
-
-
-backwards = physics(
-    lambda x, y, post_x, post_y, stiffness: (stiffness * (x - post_x), stiffness * (y - post_y))
-)
-
-
-def test_a_wrong_potential_is_found():
-    right = e.Tether(2, (0.1, -0.4), 80.0)
-    hook = dataclasses.replace(right.hooks(ARMS["RPRP"])[0], conservative=backwards)
-    wrong = type("Wrong", (e.Tether,), {"hooks": lambda self, arm: (hook,), "key": "wrong"})(**vars(right))
-    (miss,) = verify(rde.Scene(ARMS["RPRP"], (e.Gravity(), wrong)), 64, checks=[forces.potentials]).misses
-    assert "wrong: at" in miss
-    assert "derivative of the potential" in miss
 
 
 # ---- motors and states ---------------------------------------------------------------------------------
@@ -104,15 +88,3 @@ def test_torch_steps_have_the_gradients_of_differences_by_states_of_effects():
 
 
 # ---- stops ---------------------------------------------------------------------------------------------
-
-
-def test_stops_on_one_of_two_sliders_work_and_let_go_when_they_are_moved():
-    batch = rde.BatchSimulator(rde.Scene(ARMS["RPRP"], (Bumper(),), tolerance=1e-8))
-    batch.set_state([0.0, 0.1, 0.0, 0.1], [0.0, 1.0, 0.0, 0.0])
-    for _ in range(20):
-        batch.advance([0.0, 30.0, 0.0, 0.0])
-    assert batch.q[0, 1] == 0.2
-    batch.set_parameters({"bumper1.upper": 0.5})
-    for _ in range(3):
-        batch.advance([0.0, 30.0, 0.0, 0.0])
-    assert batch.q[0, 1] > 0.21

@@ -15,7 +15,7 @@ from humming_stop import HummingStop
 from lag_chain import LagChain
 from late_command import LateCommand, SampledBrake
 from sensors import EccentricEncoders, FilteredRates
-from test_wall import Walls
+from wall import Wall
 
 import redundant_envs as rde
 from redundant_envs.algebra import physics
@@ -92,7 +92,7 @@ HOOKS = {  # effects, an arm, and steps
     "PointMass and Inertia": ((Ballast(),), "4R", "rk4"),
     "Impulse with draws": ((Knocks(),), "RPRP", "rk8"),
     "Impact": ((Bumper(restitution=0.5),), "RPRP", "rk8"),
-    "Gap": ((Walls(1.1),), "3R", "rk8"),
+    "Gap": ((Wall(1.1, 1.0),), "3R", "rk8"),
     "Sensing": ((EccentricEncoders(0.01), FilteredRates(0.05)), "RRP", "rk4"),
     "Instants and states renewed there": ((LateCommand(0.007), SampledBrake(0.5, 0.6)), "RPRP", "1e-6"),
     "an Instant beyond the interval": ((LateCommand(1.0), SampledBrake(0.5, 0.6)), "4R", "1e-6"),

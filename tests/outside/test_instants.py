@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, assert_same_bits
 from late_command import LateCommand, SampledBrake
-from test_wall import Walls
+from wall import Wall
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -51,22 +51,6 @@ def simulators(*given):
 
 
 # ---- pieces --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.quick("rk8-4R")
-@BOTH
-@ON
-def test_an_interval_ends_as_its_pieces_do_one_after_the_other(arm, steps):
-    by_hand, late, commands = simulators(*scenes(arm, LateCommand(0.013), **steps))
-    before = np.zeros_like(commands[0])
-    for command in commands:
-        status = late.advance(command)
-        pieces = [by_hand.advance_partly(*x) for x in ((before, 0.013), (command, LENGTH - 0.013))]
-        assert_same_bits((late.q, late.qd), (by_hand.q, by_hand.qd))
-        assert_same_bits([status.evaluations], [sum(piece.evaluations for piece in pieces)])
-        assert not status.numerics.any()
-        assert_same_bits([status.events], [pieces[0].events + pieces[1].events])
-        before = command
 
 
 @pytest.mark.quick("0.0-0-rk8-4R")
@@ -180,7 +164,7 @@ def test_the_instant_of_an_interval_that_is_crossed_in_parts_stays_where_it_is_a
 @pytest.mark.long
 def test_a_piece_that_is_given_up_gives_up_its_interval():
     """The arm falls against a wall, at which it bounces without end."""
-    effects = LateCommand(0.01), e.Gravity(9.81, (1.0, 0.0)), Walls(1.3, 0.2)
+    effects = LateCommand(0.01), e.Gravity(9.81, (1.0, 0.0)), Wall(1.3, 0.2)
     batch = rde.BatchSimulator(rde.Scene(rde.RPRP((1.0,) * 4, (0.5,) * 2), effects, tolerance=1e-6))
     batch.set_state([0.37, 0.2, 0.27, 0.1], np.zeros(4))
     for _ in range(100):
