@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from catalogue import RPRP, advanced
+from catalogue import advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -12,7 +12,6 @@ from redundant_envs.effects import disc
 
 SLIDER = rde.Chain("P", (2.0,))
 """A point of 2 kg on the x axis; there is no gravity."""
-FOUR_R = rde.FourR((0.5,) * 4, (0.25,) * 4)
 WALL = e.HalfPlane((1.0, 0.0), (-1.0, 0.0), 5e3, 0.3)
 BALL = e.Disc((1.5, 0.0), 0.5, 5e3, 0.3)
 
@@ -86,31 +85,6 @@ def test_the_shares_of_both_ends_are_the_force_at_the_point_of_contact():
         np.testing.assert_allclose(moment, np.cross([*point, 0.0], [*force, 0.0]), atol=1e-8)
         found += side
     assert found > 50
-
-
-OBSTACLES = {
-    "disc": e.Disc((0.5, 0.4), 0.2, 2e3, friction=0.3),
-    "disc along links": e.Disc((0.5, 0.4), 0.2, 2e3, friction=0.3, along_links=True),
-    "half-plane": e.HalfPlane((0.0, -0.3), (0.2, 1.0), 2e3, friction=0.3),
-    "half-plane along links": e.HalfPlane((0.0, -0.3), (0.2, 1.0), 2e3, friction=0.3, along_links=True),
-}
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
-@pytest.mark.parametrize("obstacle", OBSTACLES.values(), ids=OBSTACLES)
-def test_an_interval_with_a_contact_keeps_its_tolerance(arm, obstacle):
-    scene, rng = rde.Scene(arm, (obstacle,), tolerance=1e-6), np.random.default_rng(0)
-    turned, slid, qd = rng.uniform((-1.5, 0.1, -2.0), (1.5, 0.3, 2.0), (512, 4, 3)).transpose(2, 0, 1)
-    start = np.where(arm.prismatic, slid, turned), qd
-    found, status = advanced(scene, *start)
-    exact, sure = advanced(dataclasses.replace(scene, tolerance=None, integrator="dop853"), *start)
-    free, _ = advanced(dataclasses.replace(scene, effects=()), *start)
-    assert not status.numerics.any()
-    assert not sure.numerics.any()
-    tips = [arm.forward_kinematics(batch.q) for batch in (found, exact, free)]
-    assert np.linalg.norm(tips[0] - tips[1], axis=1).max() < 1e-6
-    assert (np.linalg.norm(tips[0] - tips[2], axis=1) > 1e-4).sum() > 20
 
 
 @pytest.mark.quick("0.005-half-plane")

@@ -270,29 +270,6 @@ def test_a_class_that_gives_a_number_another_default_keeps_its_check_and_unit():
     assert SlowLag().units(FOUR_R) == e.Lag(0.03).units(FOUR_R)
 
 
-@dataclasses.dataclass(frozen=True)
-class Started(e.Effect):
-    """An effect as users write them: a number that the start alone takes, names and notes of their own."""
-
-    k: dataclasses.InitVar[int] = 3
-    example: float = dataclasses.field(default=2.0, metadata={"declared": "by me"})
-
-
-class Doubled:
-    def __post_init__(self):
-        object.__setattr__(self, "c", 2.0 * self.c)
-
-
-@dataclasses.dataclass(frozen=True)
-class Mixed(e.Effect, Doubled):
-    c: float = 0.5
-
-
-def test_effects_of_users_may_be_started_their_own_way():
-    assert Started(5).example == 2.0
-    assert Mixed().c == 1.0
-
-
 # ---- a new effect ---------------------------------------------------------------------------------------
 
 INIT, OLD, NEW = "redundant_envs/effects/__init__.py", "ViscousFriction", "TwinFriction"

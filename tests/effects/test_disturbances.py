@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP
+from catalogue import FOUR_R
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -10,10 +10,6 @@ from redundant_envs import effects as e
 CART = rde.Chain("P", masses=(2.0,), lengths=())
 """A mass on a rail: it integrates forces."""
 MASS = 2.0
-EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
-Q0 = np.array([-1.2, 0.15, -0.4, 0.1])
-QD0 = np.array([0.5, -0.6, 0.9, 0.8])
-
 SIGMAS = 4.0
 """Standard errors by which a moment may differ."""
 

@@ -4,35 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import advanced
+from one_joint import INERTIA, ONE, WITH, moved
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects import lu_gre
 
 ROOT = Path(__file__).parents[2]
-INERTIA = 2.0
-ONE = rde.Chain("R", (INERTIA,), (1.0,))
-"""One joint with an inertia of 2 kg m^2; there is no gravity."""
-ZERO = np.zeros((1, 1))
-METHODS = {
-    "rk4": {"integrator": "rk4", "substeps": 20}, "rk8": {"integrator": "rk8"}, "1e-9": {"tolerance": 1e-9},
-    "dop853": {"integrator": "dop853"},
-}  # fmt: skip
-WITH = pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
-
-
-def moved(effect, effort=0.0, rate=0.0, intervals=1, arm=ONE, **how):
-    """A simulator of one joint after some intervals under a constant effort."""
-    scene = rde.Scene(arm, (effect,), **how)
-    return advanced(scene, ZERO, ZERO + rate, ZERO + effort, intervals=intervals)[0]
 
 
 @WITH
 @pytest.mark.parametrize("rate", [30.0, -30.0])
 def test_quadratic_friction_slows_a_joint_down_as_one_over_time(how, rate):
     c, t = 0.4, 0.1
-    batch = moved(e.QuadraticFriction(c), rate=rate, intervals=5, **how)
+    batch = moved((e.QuadraticFriction(c),), rate=rate, intervals=5, **how)
     assert batch.qd[0, 0] == pytest.approx(rate / (1.0 + c * abs(rate) * t / INERTIA), rel=1e-9)
 
 
@@ -43,7 +28,7 @@ def test_quadratic_friction_slows_a_joint_down_as_one_over_time(how, rate):
 def test_smooth_coulomb_friction_creeps_under_a_load_below_its_level(how):
     """At the rate e u / sqrt(c^2 - u^2): a joint under 0.9 of the level moves on at twice the speed e."""
     level, load, speed = 2.0, 1.8, 0.05
-    batch = moved(e.SmoothCoulombFriction(level, speed), load, intervals=1000, **how)
+    batch = moved((e.SmoothCoulombFriction(level, speed),), load, intervals=1000, **how)
     creep = speed * load / np.sqrt(level**2 - load**2)
     assert batch.qd[0, 0] == pytest.approx(creep, rel=1e-6)
     assert creep == pytest.approx(2.06 * speed, rel=0.01)
@@ -96,17 +81,17 @@ def friction(effect, batch):
 
 @pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
 def test_stiff_bristles_have_their_steady_friction_after_a_long_step(integrator):
-    batch = moved(CASE_34, rate=10.0, arm=FLYWHEEL, integrator=integrator, control_dt=0.01)
+    batch = moved((CASE_34,), rate=10.0, arm=FLYWHEEL, integrator=integrator, control_dt=0.01)
     assert friction(CASE_34, batch) == pytest.approx(STEADY, rel=1e-9)
 
 
 def test_bristles_hold_a_load_below_the_stiction_as_a_spring():
     bristles = e.LuGre(1e4, 100.0, 10.0, 1.0, 1.5, 0.01)
-    batch = moved(bristles, 0.5, intervals=500, substeps=4)
+    batch = moved((bristles,), 0.5, intervals=500, substeps=4)
     assert abs(batch.qd[0, 0]) < 1e-6
     assert friction(bristles, batch) == pytest.approx(0.5, abs=1e-3)
     assert abs(batch.q[0, 0]) < 2e-4
-    slips = moved(bristles, 1.7, intervals=500, substeps=4)
+    slips = moved((bristles,), 1.7, intervals=500, substeps=4)
     assert slips.qd[0, 0] > 0.05
 
 

@@ -3,27 +3,13 @@
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, advanced
+from one_joint import INERTIA, METHODS, WITH, moved
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects.gear_backlash import contacts, teeth
 
-INERTIA = 2.0
-ONE = rde.Chain("R", (INERTIA,), (1.0,))
-"""One joint with an inertia of 2 kg m^2; there is no gravity."""
-METHODS = {
-    "rk4": {"integrator": "rk4", "substeps": 20}, "rk8": {"integrator": "rk8"}, "1e-9": {"tolerance": 1e-9},
-    "dop853": {"integrator": "dop853"},
-}  # fmt: skip
-WITH = pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
 LOCATED = pytest.mark.parametrize("how", list(METHODS.values())[2:], ids=list(METHODS)[2:])
-ZERO = np.zeros((1, 1))
-
-
-def moved(effects, command=0.0, rate=0.0, intervals=1, arm=ONE, **how):
-    """A simulator of one joint after some intervals under a constant command."""
-    scene = rde.Scene(arm, effects, **how)
-    return advanced(scene, ZERO, ZERO + rate, ZERO + command, intervals=intervals)[0]
 
 
 # ---- lag -----------------------------------------------------------------------------------------------
@@ -157,12 +143,10 @@ WALL = rde.Chain("R", (1e12,), (1.0,))
 STEP = 0.005
 
 
-def motor(effect, u, intervals, arm=WALL, rate=0.0, **how):
-    """Angle and rate of the motor, and those of its joint, after some intervals under a constant command."""
-    scene = rde.Scene(arm, (effect,), control_dt=STEP, **how)
-    batch, status = advanced(scene, ZERO + 0.3, ZERO + rate, ZERO + u, intervals=intervals)
-    assert not status.numerics.any()
-    return *(batch.z[0] - [0.3, 0.0]), batch.q[0, 0] - 0.3, batch.qd[0, 0]
+def motor(effect, u, intervals, **how):
+    """Angle and rate of the motor, and the angle of its joint, after intervals under a constant command."""
+    batch = moved((effect,), u, intervals=intervals, arm=WALL, control_dt=STEP, **how)
+    return *batch.z[0], batch.q[0, 0]
 
 
 @LOCATED
@@ -178,7 +162,7 @@ def test_the_motor_crosses_half_the_gap_alone_and_then_oscillates_on_the_teeth(h
             depth = EFFORT / STIFFNESS * (1.0 - np.cos(s)) + speed / w * np.sin(s)
             assert depth > 0.0
             turned = (0.5 * GAP + depth, EFFORT / STIFFNESS * w * np.sin(s) + speed * np.cos(s))
-        angle, rate, joint, _ = motor(GEAR, EFFORT, intervals, **how)
+        angle, rate, joint = motor(GEAR, EFFORT, intervals, **how)
         assert (angle, rate) == pytest.approx(turned, rel=1e-8)
         assert joint == pytest.approx(0.0, abs=1e-12)
     assert 0 < met < 5
@@ -188,7 +172,7 @@ def test_the_motor_crosses_half_the_gap_alone_and_then_oscillates_on_the_teeth(h
 def test_a_gear_under_load_winds_up_by_half_its_gap_and_its_torque_by_its_stiffness(how):
     damped = e.GearBacklash(GAP, STIFFNESS, J, 150.0)
     for u in (EFFORT, -EFFORT):
-        angle, rate, _, _ = motor(damped, u, 200, **how)
+        angle, rate, _ = motor(damped, u, 200, **how)
         assert angle == pytest.approx(np.sign(u) * 0.5 * GAP + u / STIFFNESS, rel=1e-9)
         assert rate == pytest.approx(0.0, abs=1e-9)
 

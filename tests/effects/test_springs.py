@@ -49,35 +49,6 @@ def test_a_tolerance_is_kept_where_springs_begin(arm, stiffness, damping):
             assert status.evaluations.mean() <= most
 
 
-class Silent(e.LimitSpring):
-    """A spring that declares neither the kink at which its force ends, nor its damping."""
-
-    def hooks(self, arm):
-        return tuple(dataclasses.replace(hook, kink=None, damping=None) for hook in super().hooks(arm))
-
-
-@pytest.mark.long
-def test_the_tolerance_is_kept_where_a_damper_lets_go():
-    """Thrown back at k / c the force of a spring ends with a kink, which some do not declare."""
-    arm, tolerance = rde.FourR((0.2072, 0.1558, 0.1156, 0.0924), (0.1086, 0.1842, 0.1824, 0.1086)), 1e-6
-    numbers = (
-        ("joint1", -0.2341, 0.6795, 1730.7, 34.615), ("joint4", -1.1935, 0.6622, 44.757, 0.89514),
-    )  # fmt: skip
-    q = np.array([0.96212575, -1.90753381, 1.17023602, 1.57205221])
-    qd = np.array([-49.85733691, -26.58927628, 14.30634982, -32.90301643])
-    near = 1e-2 * np.random.default_rng(0).normal(size=(2048, 4))[1200:1456]  # one of them is off by 1.9
-    given = q + near, np.tile(qd, (256, 1)), np.tile((-3.3, -3.3, 3.3, 3.3), (256, 1))
-    ends = [
-        tips_after(rde.Scene(arm, [kind(*x) for x in numbers], actuation="generalized", **how), *given)[0]
-        for kind, how in (
-            (e.LimitSpring, {"substeps": 3000}),
-            (e.LimitSpring, {"tolerance": tolerance}),
-            (Silent, {"tolerance": tolerance}),
-        )
-    ]
-    assert np.linalg.norm(np.subtract(ends[1:], ends[0]), axis=-1).max() <= tolerance
-
-
 # ---- what it costs --------------------------------------------------------------------------------------
 
 

@@ -155,24 +155,6 @@ def single(*effects, level=0.7, **how):
     return rde.Scene(arm, (joint, *effects), **(how or {"integrator": "dop853"}))
 
 
-@pytest.mark.long
-@EXACTLY
-def test_an_oscillator_loses_the_same_way_in_each_half_cycle(how):
-    k, level, turns = 20.0, 0.7, 14
-    spring = e.TwoStageSpring("joint4", -2.0, 2.0, k, k)
-    made = single(spring, level=level, control_dt=np.pi * np.sqrt(INERTIA / k), **how)
-    batch, _ = advanced(made, joints_at(made.robot, (0.0, 0.0, 0.0, 1.0)), np.zeros(4), intervals=0)
-    amplitude = 1.0
-    for n in range(turns + 2):
-        batch.advance()
-        amplitude = amplitude - 2.0 * level / k if amplitude > level / k else amplitude
-        position, rate = (x[0] @ made.robot.motor_map for x in (batch.q, batch.qd))
-        assert position[3] == pytest.approx((-1.0) ** (n + 1 if n < turns else turns) * amplitude, abs=1e-12)
-        assert abs(rate[3]) < 1e-10
-    assert amplitude <= level / k
-    assert rate[3] == 0.0
-
-
 SLIDER = rde.Chain("P", (2.0,), ())
 
 

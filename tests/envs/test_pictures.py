@@ -15,15 +15,12 @@ import pytest
 from catalogue import EQUAL, with_example
 from faces import FOUR_R, ID, actions, begin, made
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
-from PIL import Image
 
 import redundant_envs as rde
 from redundant_envs.envs import animation, rendering
-from redundant_envs.envs.rendering import BARS, Canvas, Window, stated_limits
+from redundant_envs.envs.rendering import BARS, Canvas, Window
 from redundant_envs.model.trajectory import Trajectory
-from redundant_envs.robots.drawn import schematic
 from redundant_envs.support import palette
-from redundant_envs.support.figures import of_lines, save_figure
 
 e = rde.effects
 SURROUNDED = rde.load_scene("four_r_reach").to_dict()
@@ -116,18 +113,6 @@ def test_pictures_have_the_size_that_is_asked_for(kind):
     for name, wrong in (("render_width", 31), ("render_height", 5000), ("render_width", 64.0)):
         with pytest.raises(ValueError, match=f"^{name} is {wrong}"):
             made(kind, ID, **{name: wrong})
-
-
-@pytest.mark.parametrize(("kind", "steps"), [("next_step", 5), ("same_step", 4), ("sb3", 4)])
-def test_trails_of_a_vector_begin_anew_with_an_episode(kind, steps):
-    env = drawn(ID, kind, max_episode_steps=4)
-    tips = [env.tip]
-    for step, action in enumerate(actions(env, 11), start=1):
-        env.step(action)
-        tips = [*tips, env.tip] if step % steps else [env.tip]
-        for lane in range(3):
-            np.testing.assert_array_equal(env._renderer.trail(lane), np.array(tips)[:, lane])
-    assert kind != "sb3" or env.render().shape == (960, 960, 3)  # of all together
 
 
 def test_partial_resets_and_states_begin_trails_anew():
@@ -284,14 +269,3 @@ def test_every_scene_and_every_effect_of_the_package_is_drawn():
         is_picture(moving.frame(0))
         moving._q = np.full_like(moving._q, np.nan)  # as after a fault
         moving.frame(0)
-
-
-@pytest.mark.parametrize("name", ["rprp_reach", "four_r_reach"])
-def test_the_drawing_of_an_arm_is_a_png_too(name, tmp_path):
-    scene = rde.load_scene(name)
-    drawing = schematic(scene.robot, stated_limits(scene))
-    pixels = np.asarray(Image.open(save_figure(of_lines(drawing), tmp_path / "arm.png")).convert("RGB"))
-    assert pixels.shape == (500, 760, 3)
-    colors = [palette.LINKS[0], palette.JOINT, *([palette.RAIL] if scene.robot.sliders() else [])]
-    for color in colors:
-        assert (np.abs(pixels.astype(int) - color).max(axis=2) < 12).mean() > 1e-3

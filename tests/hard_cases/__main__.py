@@ -1,11 +1,10 @@
 """Write the page of hard cases: ``python -m tests.hard_cases [--out FOLDER]``.
 
-The page has each case, and results of naive variants, MuJoCo and this package. ``make docs`` makes it, too.
+The page has each case, and results of naive variants and this package. ``make docs`` makes it, too.
 """
 
 import argparse
 import datetime
-import importlib.util
 import math
 import os
 import sys
@@ -16,17 +15,14 @@ from redundant_envs.support.machine import machine_name
 from redundant_envs.support.tables import markdown
 
 from .cases import CASES
-from .engine import MuJoCo
 from .subject import Subject
 
 ROOT = Path(__file__).parents[2]
 INTRODUCTION = """# Hard cases
 
-This page shows how this package, textbook methods and MuJoCo fare in cases that break simulators. Each case
+This page shows how this package and textbook methods fare in cases that break simulators. Each case
 is a row in `tests/hard_cases`; its conditions are numbers. Naive variants have one textbook mistake each
-(`naive.py`), and a test shows that they fail the case. MuJoCo runs RK4 with steps of 1 ms, with the masses,
-efforts and travel of the case, links without inertia, and elastic limits. `python -m tests.hard_cases`
-writes this page.
+(`naive.py`), and a test shows that they fail the case. `python -m tests.hard_cases` writes this page.
 
 `python -m redundant_envs verify` judges more of any scene: whether lanes depend on their neighbours, on
 threads, copies or snapshots, whether impacts are those of rigid bodies, and whether steps have their order.
@@ -40,10 +36,9 @@ def heading(case):
     return f"### {case.number}. {case.title[0].upper()}{case.title[1:]}"
 
 
-def measured(case, with_mujoco):
-    """Figures of this package, of the variants that fail the case, and of MuJoCo if it can simulate it."""
+def measured(case):
+    """Figures of this package, and of the variants that fail the case."""
     subjects = [Subject(), *(variant() for variant in case.variants)]
-    subjects += [MuJoCo()] * (case.compared and with_mujoco)
     return {subject.name: list(case.figures(subject)) for subject in subjects}
 
 
@@ -91,13 +86,10 @@ def main(arguments):
     parser.add_argument("--out", type=Path, default=Path("runs/hard_cases"), help="default: %(default)s")
     out = parser.parse_args(arguments).out
     os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(ROOT / ".pytest_cache" / "kernels"))
-    with_mujoco = importlib.util.find_spec("mujoco") is not None
-    if not with_mujoco:
-        print("mujoco is not installed: the page will have no figures of it", file=sys.stderr)
     results = {}
     for case in CASES:
         print(case.name, flush=True)
-        results[case.number] = measured(case, with_mujoco)
+        results[case.number] = measured(case)
     out.mkdir(parents=True, exist_ok=True)
     page = text(results, machine_name(), datetime.date.today().isoformat())
     (out / "hard_cases.md").write_text(page, encoding="utf-8")

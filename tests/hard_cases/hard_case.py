@@ -53,7 +53,6 @@ class Case:
     rows: tuple
     caught: tuple = ()  # naive variants that fail it
     mujoco: str = ""
-    compared: bool = False  # also measured of MuJoCo
 
     @property
     def name(self):

@@ -1,15 +1,13 @@
 """Deliberately naive variants, each with one textbook mistake that the hard cases must find."""
 
-import dataclasses
 import math
 
 import numpy as np
 
-from redundant_envs.effects import Lag, SmoothCoulombFriction
+from redundant_envs.effects import Lag
 from redundant_envs.effects.hooks import Force, Impact
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
-from tests.oracles.printed import misprints
 
 from .subject import Subject, commands, started, unfilled
 
@@ -33,50 +31,7 @@ class DenseSolve(Subject):
         return solved(arm.mass_matrix(q), Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
 
 
-class RegularisedMass(Subject):
-    """Adds a little to the diagonal of M, so that it is "never singular": another arm moves."""
-
-    name = "regularised mass matrix"
-
-    def accelerations(self, arm, q, qd, Q, g=0.0):
-        mended = arm.mass_matrix(q) + 1e-8 * np.eye(4)
-        return solved(mended, Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
-
-
-class InvertedJacobian(Subject):
-    """Moves in Cartesian space: accelerations of two points of the arm, and from them by the inverse of
-    their Jacobian those of the joints; J J^T for poses. Dies where the arm is stretched or folded."""
-
-    name = "inverted Jacobian"
-
-    def accelerations(self, arm, q, qd, Q, g=0.0):
-        tip = arm.jacobian(np.asarray(q, float))
-        # Of the second and the fourth mass point, (..., 4, 4): two links carry the second.
-        J = np.concatenate([np.where(np.arange(4) < 2, tip, 0.0), tip], axis=-2)
-        forces = Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g)
-        return solved(J, np.einsum("...ij,...j->...i", J, solved(arm.mass_matrix(q), forces)))
-
-    def pose_at(self, scene, start, goal):
-        q = np.array(start, float)
-        for _ in range(60):
-            J = scene.robot.jacobian(q)
-            q = q + J.T @ solved(J @ J.T, goal - scene.robot.forward_kinematics(q))
-        return q
-
-
 # ---- what is kept ---------------------------------------------------------------------------------------
-
-
-class WrappedAngles(Subject):
-    """Wraps every angle into -pi to pi: where one link is wrapped and the next is not, the joint between
-    them has turned once around."""
-
-    name = "wrapped angles"
-
-    def keep(self, batch):
-        wrapped, sliders = np.mod(batch.q + np.pi, 2.0 * np.pi) - np.pi, batch.scene.robot.sliders()
-        wrapped[..., sliders] = batch.q[..., sliders]
-        batch.set_state(wrapped, batch.qd)
 
 
 class SinglePrecision(Subject):
@@ -161,38 +116,6 @@ class FixedSteps(EqualSteps):
     longest = 1e-2
 
 
-class EstimateWithoutFloor(EqualSteps):
-    """Takes twice the steps until two results agree, and trusts them from the first step on: what neither
-    has touched, no estimate sees."""
-
-    name = "estimate without a floor"
-    longest = 1e3
-
-    def step(self, acceleration, q, qd, h):
-        coarse = super().step(acceleration, q, qd, h)
-        for doublings in range(1, 11):
-            fine, count = (q, qd), 2**doublings
-            for _ in range(count):
-                fine = super().step(acceleration, *fine, h / count)
-            if np.abs(fine[0] - coarse[0]).max() <= 1e-6:
-                break
-            coarse = fine
-        return fine
-
-
-class PrintedReport(EqualSteps):
-    """The report's five wrong terms, as printed."""
-
-    name = "the report as printed"
-    longest = 2e-3
-
-    def accelerations(self, arm, q, qd, Q, g=0.0):
-        right = {"M": arm.mass_matrix(q), "h": arm.bias_forces(q, qd)}
-        for name, entry, misprint in misprints(arm.kind, arm.masses, arm.lengths, q.T, qd.T):
-            right[name][..., *entry] += misprint
-        return solved(right["M"], Q - right["h"] - arm.gravity_forces(q, g))
-
-
 # ---- stops ----------------------------------------------------------------------------------------------
 
 
@@ -243,14 +166,3 @@ class FlippedVelocity(ImpulseAtStepEnd):
 
 
 # ---- friction -------------------------------------------------------------------------------------------
-
-
-class SmoothedFriction(Subject):
-    """Makes the jump of dry friction at rest smooth, v / sqrt(v^2 + e^2): a loaded joint creeps."""
-
-    name = "smoothed friction"
-
-    def motion(self, scene, *motion):
-        (dry,) = scene.effects
-        smooth = SmoothCoulombFriction(dry.level, 0.05)  # rad/s: its own steps would be unstable at less
-        return super().motion(dataclasses.replace(scene, effects=(smooth,)), *motion)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import redundant_envs as rde
-from redundant_envs.control import pose_at
 
 
 @dataclass
@@ -57,10 +56,6 @@ class Subject:
     def accelerations(self, arm, q, qd, Q, g=0.0):
         """qdd, (..., joints), from generalized forces."""
         return arm.forward_dynamics(q, qd, Q, g)
-
-    def pose_at(self, scene, start, goal):
-        """A pose with the tip at a goal, by iteration from a start."""
-        return pose_at(scene, np.array([start]), goal[None])[0]
 
     def motion(self, scene, q, qd, intervals, efforts=None):
         """A motion over control intervals."""

@@ -6,33 +6,12 @@ import subprocess
 import sys
 
 import cloudpickle
-import numpy as np
 import pytest
-from catalogue import COPIES, SCENES, assert_same_bits, motion, started
+from catalogue import COPIES, SCENES, assert_same_bits
 
 import redundant_envs as rde
 
 STOPS = SCENES["stops 1e-6, inelastic"]
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("way", COPIES.values(), ids=COPIES)
-def test_a_copy_is_independent(way):
-    batch = started(STOPS, varied=True)
-    batch.remark = ["a user's"]
-    twin = way(batch)
-    twin.remark.append("of the twin")
-    assert batch.remark == ["a user's"]
-    snapshot, before = batch.save(), batch.q
-    twin.set_parameters({"masses": 3.0, "prismatic_stop.upper": (0.4, 0.4)})
-    twin.set_state((0.1, 0.2, 0.3, 0.1), np.zeros(4))
-    motion(twin)
-    np.testing.assert_array_equal(batch.q, before)
-    expected = motion(batch)
-    batch.restore(snapshot)
-    assert_same_bits(motion(batch), expected)
-    twin.restore(snapshot)
-    assert_same_bits(motion(twin), expected)
 
 
 NOTEBOOK = """

@@ -1,7 +1,5 @@
 """Forces, motors and stops from outside move as their laws say; what a scene does not name is not there."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from arms import ARMS, e, states
@@ -9,7 +7,6 @@ from catalogue import advanced
 from held_command import HeldCommand
 
 import redundant_envs as rde
-from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.simulator.lane.direct import fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
 
@@ -39,20 +36,6 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
 # ---- motors and states ---------------------------------------------------------------------------------
 
 
-def test_commands_of_the_interval_before_act_to_the_bit_and_begin_anew_where_a_state_is_set():
-    free = rde.Scene(ARMS["RPRP"], (e.Gravity(),), tolerance=1e-6)
-    late = dataclasses.replace(free, effects=(*free.effects, HeldCommand()))
-    commands = np.random.default_rng(0).normal(size=(6, 5, 4))
-    a, b = rde.BatchSimulator(free, 5), rde.BatchSimulator(late, 5)
-    for k in range(6):
-        a.advance(commands[k - 1] if k else None)
-        b.advance(commands[k])
-        assert np.array_equal(a.q, b.q)
-        assert np.array_equal(b.z, commands[k])
-    b.set_state(np.zeros((1, 4)), np.zeros((1, 4)), index=[3])
-    assert np.array_equal(b.z, np.where(np.arange(5)[:, None] == 3, 0.0, commands[5]))
-
-
 def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
     chain, zero = (HeldCommand(), e.Lag(0.03), e.EffortLimits(1.5)), np.zeros((4, 3))
     own, turned, free = (
@@ -66,25 +49,6 @@ def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
     assert lagged.min() > 1.5  # what acts is less: limits come last
     assert np.array_equal(own.q, turned.q)
     assert np.abs(free.qd - own.qd).max() > 0.1
-
-
-def test_torch_steps_have_the_gradients_of_differences_by_states_of_effects():
-    start, step = (
-        [torch.tensor(x) for x in states(ARMS["3R"], 4)],
-        rde.torch_step(rde.Scene(ARMS["3R"], (e.Lag(0.04), HeldCommand()))),
-    )
-
-    def moved(value):
-        return step(*start, z=value)[1].sum()
-
-    value = torch.linspace(-1.0, 1.0, 24, dtype=torch.float64).reshape(4, 6).requires_grad_()
-    moved(value).backward()
-    shift = torch.zeros_like(value)
-    shift[-1, -1] = 1e-5
-    with torch.no_grad():
-        slope = (moved(value + shift) - moved(value - shift)) / 2e-5
-    assert float(value.grad[-1, -1]) == pytest.approx(float(slope), rel=1e-6, abs=1e-7)
-    assert abs(slope) > 1e-4
 
 
 # ---- stops ---------------------------------------------------------------------------------------------
