@@ -10,7 +10,7 @@ import redundant_envs as rde
 from redundant_envs.compiler.backends.loaded import scene_key
 from redundant_envs.language.algebra import physics, tolerance
 from redundant_envs.model import programs
-from redundant_envs.model.programs import batch_simulator, environment_simulator
+from redundant_envs.model.programs import environment_simulator
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.simulator.lane import faults
 from redundant_envs.tasks import reach
@@ -79,42 +79,6 @@ def test_a_replacement_is_followed_in_this_process_and_the_next_one(member, monk
     assert len(found) == 1 + 2
     assert len(names) == 3
     assert environment_simulator(SCENE, ReachTask()).identity == before
-
-
-def law(x):
-    return x
-
-
-def drag_with(cell):
-    @physics
-    def drag(phid1, k):
-        return -cell * SCALE * law(k * phid1)
-
-    return drag
-
-
-drag = drag_with(1.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class Drag(e.Effect):
-    k: float = 1.0
-
-    def hooks(self, arm):
-        return (e.Force(0, drag, {"k": ".k"}),)
-
-
-def test_functions_from_outside_are_followed_too(monkeypatch):
-    """Also by simulators of a scene that was made before."""
-    here, scene = sys.modules[__name__], rde.Scene(SCENE.robot, (Drag(),), integrator="euler")
-    found = [batch_simulator(scene, False).identity]
-    for owner, name, value in (
-        (here, "SCALE", 3.0), (here, "law", lambda x: x + x), (here, "drag", drag_with(5.0)),
-        (Drag, "hooks", lambda self, arm: (e.Force(1, drag, {"k": ".k"}),)),
-    ):  # fmt: skip
-        monkeypatch.setattr(owner, name, value)
-        found.append(batch_simulator(scene, False).identity)
-    assert len({*found}) == len(found)
 
 
 def test_a_file_that_has_the_name_of_a_module_of_python_is_followed(monkeypatch, tmp_path):

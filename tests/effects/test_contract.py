@@ -11,7 +11,6 @@ import math
 import pickle
 import pkgutil
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +38,6 @@ from redundant_envs.verify import (
 )
 from redundant_envs.verify.checks import checks_of, random_states
 from studies.effects import load_study
-from tests.mutation.copies import outcome
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = load_study(config_folder("studies") / "effects.yaml").entries
@@ -268,40 +266,3 @@ def test_a_class_that_gives_a_number_another_default_keeps_its_check_and_unit():
         SlowLag(0.0)
     assert SlowLag(1).time_constant == 1.0
     assert SlowLag().units(FOUR_R) == e.Lag(0.03).units(FOUR_R)
-
-
-# ---- a new effect ---------------------------------------------------------------------------------------
-
-INIT, OLD, NEW = "redundant_envs/effects/__init__.py", "ViscousFriction", "TwinFriction"
-ORACLE = """
-import redundant_envs as rde
-
-def test_twin_friction_slows_a_slider_down():
-    scene = rde.Scene(rde.Chain("P", (2.0,), ()), (rde.effects.TwinFriction(0.5),))
-    assert 0.97 < rde.simulate(scene, [0.0], [1.0], [0.1]).qd[0, 0] < 0.98
-"""
-OF_ALL = (
-    "tests/effects", "tests/docs", "tests/studies/test_effects_study.py", "tests/test_properties.py",
-    "tests/envs/test_pictures.py", "tests/fuzz/test_fuzz.py", "tests/verify/test_verified_effects.py",
-)  # fmt: skip
-"""Tests of all effects."""
-
-
-def renamed(text):
-    return text.replace(OLD, NEW).replace("viscous_friction", "twin_friction")
-
-
-@pytest.mark.long
-def test_a_new_effect_is_a_module_a_line_a_page_and_a_test(tmp_path):
-    tree = tmp_path / "tree"
-    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".*", "runs", "__pycache__"))
-    for file in ("redundant_envs/effects/viscous_friction.py", "docs/effects/viscous_friction.md"):
-        text = (tree / file).read_text(encoding="utf-8")
-        (tree / renamed(file)).write_text(renamed(text), encoding="utf-8")
-    (tree / "tests" / "effects" / "test_twin_friction.py").write_text(ORACLE, encoding="utf-8")
-    assert outcome(["tests/effects/test_contract.py"], tree).result == "red"  # nobody can name it
-    init = (tree / INIT).read_text(encoding="utf-8")
-    (line,) = (line for line in init.splitlines(keepends=True) if OLD in line)
-    (tree / INIT).write_text(init.replace(line, renamed(line) + line), encoding="utf-8")
-    named = ("-k", f"{NEW} or twin_friction or every_effect or index_of_effects")
-    assert outcome([*OF_ALL, *named], tree).result == "green"

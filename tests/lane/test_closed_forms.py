@@ -8,7 +8,7 @@ import pytest
 from catalogue import FOUR_R, advanced
 
 import redundant_envs as rde
-from redundant_envs.effects import Actuation, Effect, Force, Link, State, lu_gre
+from redundant_envs.effects import Effect, Force, State, lu_gre
 from redundant_envs.language.algebra import exp, physics
 from redundant_envs.simulator.lane.closed_forms import share
 
@@ -89,32 +89,6 @@ def test_a_state_lags_by_its_time_constant_behind_a_quantity_that_changes():
     exact = after(LaggingDrag(1e4), "dop853", 1)
     assert off(after(LaggingDrag(1e4), "rk8"), exact) < 3e-5
     assert off(after(LaggingDrag(1e4, declared=False), "rk8"), exact) > 2e-4
-
-
-@dataclasses.dataclass(frozen=True)
-class TwoLags(Effect):
-    """Two lags, one behind the other, the second of which takes the state of the first."""
-
-    rate: float = 1e3
-
-    def hooks(self, arm):
-        return tuple(self.link(k) for k in range(len(arm.joints)))
-
-    def link(self, k):
-        states, before = [], f"command{k + 1}"
-        for name in (f"first[{k}]", f"second[{k}]"):
-            bind = {"value": f".{name}", "aim": before, "rate": ".rate"}
-            states.append(State(name, "N", approach, bind=bind, rate=itself, closed=approached))
-            before = f".{name}"
-        return Actuation(k, itself, {"rate": before}, Link.LAG, states=tuple(states))
-
-
-def test_a_state_may_follow_another_one_in_closed_form():
-    scene = rde.Scene(FOUR_R, (TwoLags(),), "rk8", 0.01, 64)
-    batch, _ = advanced(scene, np.zeros((1, 4)), np.zeros((1, 4)), np.ones((1, 4)))
-    first, second = batch.z.reshape(-1, 2).T
-    assert np.abs(first - (1.0 - np.exp(-10.0))).max() < 1e-14
-    assert np.abs(second - (1.0 - 11.0 * np.exp(-10.0))).max() < 1e-5
 
 
 @pytest.mark.parametrize("dt", [1e-9, 1e-6, 1e-3, 1.0])
