@@ -58,7 +58,7 @@ def alone(name, **how):
     return dataclasses.replace(ENTRIES[name].pair.scene, **how)
 
 
-# ---- what it is -----------------------------------------------------------------------------------------
+# ---- what it is --------------------------------------------------------------------------------------
 
 
 def test_every_effect_of_the_folder_can_be_named_has_an_example_and_is_tested():
@@ -93,7 +93,7 @@ def test_what_an_effect_costs_is_on_the_bill(name):
     assert ENTRIES[name].effect.key in rde.bill(alone(name))
 
 
-# ---- what it does ---------------------------------------------------------------------------------------
+# ---- what it does ------------------------------------------------------------------------------------
 
 CHECKS = [
     check
@@ -155,7 +155,7 @@ def test_a_motion_has_the_same_bits_without_an_effect_and_with_one_of_zero_magni
     assert motion(alone(name, **how), start) != expected
 
 
-# ---- its numbers ----------------------------------------------------------------------------------------
+# ---- its numbers -------------------------------------------------------------------------------------
 
 NO_NUMBERS = (math.nan, -math.inf, 10**400, "1.0", b"1", True, 1j, {})
 NUMBER = r"-?\d[\d.]*(?:e-?\d+)?"

@@ -23,7 +23,7 @@ def pushed(effect, intervals, control_dt=0.02, count=1, **kwargs):
     return batch
 
 
-# ---- steps and periodic forces ---------------------------------------------------------------------------
+# ---- steps and periodic forces -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_error_control_sees_forces_that_oscillate_within_an_interval(tolerance):
         assert np.abs(batch.q[:, 0] - place).max() < tolerance
 
 
-# ---- white noise -----------------------------------------------------------------------------------------
+# ---- white noise -------------------------------------------------------------------------------------
 
 LANES = 200_000
 
@@ -96,7 +96,7 @@ def test_white_noise_at_the_tip_has_its_densities():
     assert abs(np.corrcoef(x.T)[0, 1]) < SIGMAS / np.sqrt(LANES)
 
 
-# ---- Ornstein-Uhlenbeck ----------------------------------------------------------------------------------
+# ---- Ornstein-Uhlenbeck ------------------------------------------------------------------------------
 
 
 @pytest.mark.long

@@ -18,7 +18,7 @@ SHAKEN = e.JointTorque(deviation=3.0, time_constant=0.05)
 SCENE = rde.Scene(FOUR_R, (e.Gravity(), SHAKEN), "rk4")
 
 
-# ---- their distribution ----------------------------------------------------------------------------------
+# ---- their distribution ------------------------------------------------------------------------------
 
 DRAWS = 10_000_000
 SIGMAS = 4.0
@@ -51,7 +51,7 @@ def test_the_moments_of_ten_million_draws(kind):
         assert abs(product.mean()) < SIGMAS * (exact[1] - exact[0] ** 2) / np.sqrt(product.size)
 
 
-# ---- what they depend on -----------------------------------------------------------------------------------
+# ---- what they depend on -----------------------------------------------------------------------------
 
 
 def test_draws_do_not_depend_on_other_effects():
@@ -101,7 +101,7 @@ def test_draws_are_asked_for_where_there_are_some_and_refused_where_there_are_no
         rde.BatchSimulator(plain, 3).set_draws(np.zeros(5))
 
 
-# ---- environments ----------------------------------------------------------------------------------------
+# ---- environments ------------------------------------------------------------------------------------
 
 
 def test_a_step_that_is_undone_gives_its_draws_back():
@@ -132,7 +132,7 @@ def test_every_episode_draws_anew_and_a_seed_gives_it_again():
     assert (seen[0] != seen[1]).all()
 
 
-# ---- what is refused ---------------------------------------------------------------------------------------
+# ---- what is refused ---------------------------------------------------------------------------------
 
 
 def with_states(*names, update=hidden):

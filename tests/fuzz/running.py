@@ -7,7 +7,7 @@ from collections import Counter
 
 from . import cases
 from .cases import Violation
-from .drawing_calls import drawn
+from .drawing import drawn
 from .invariants import violations
 
 HARNESS = "the_case_is_played"

@@ -14,8 +14,7 @@ from redundant_envs.compiler.backends import cache
 from studies.drawing import drawn_arm, own_effects
 
 from . import cases
-from .drawing_calls import AUTORESETS, drawn
-from .drawing_scenes import drawn_scene
+from .drawing import AUTORESETS, drawn, drawn_scene
 from .invariants import COSTLY, NAMES
 from .running import judged, minimised, run
 
@@ -72,7 +71,7 @@ def test_no_order_of_calls_breaks_a_promise(face, seed):
     assert judged(case, only=NAMES - COSTLY) == [], case
 
 
-# ---- drawing, files, making small -----------------------------------------------------------------------
+# ---- drawing, files, making small --------------------------------------------------------------------
 
 
 def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):

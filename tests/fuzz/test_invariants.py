@@ -13,7 +13,7 @@ from redundant_envs.verify import conservation
 
 from . import judging
 from .cases import plain
-from .drawing_calls import step
+from .drawing import step
 from .invariants import NAMES, violations
 from .judging import FLAGS, OF_VERIFY
 

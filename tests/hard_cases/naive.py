@@ -11,7 +11,7 @@ from redundant_envs.model.energy import at_joints, scene_quantities
 
 from .subject import Subject, commands, started, unfilled
 
-# ---- accelerations --------------------------------------------------------------------------------------
+# ---- accelerations -----------------------------------------------------------------------------------
 
 
 def solved(matrix, vector):
@@ -31,7 +31,7 @@ class DenseSolve(Subject):
         return solved(arm.mass_matrix(q), Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
 
 
-# ---- what is kept ---------------------------------------------------------------------------------------
+# ---- what is kept ------------------------------------------------------------------------------------
 
 
 class SinglePrecision(Subject):
@@ -43,7 +43,7 @@ class SinglePrecision(Subject):
         batch.set_state(*(np.float64(np.float32(x)) for x in (batch.q, batch.qd)))
 
 
-# ---- steps ----------------------------------------------------------------------------------------------
+# ---- steps -------------------------------------------------------------------------------------------
 
 
 class EqualSteps(Subject):
@@ -116,7 +116,7 @@ class FixedSteps(EqualSteps):
     longest = 1e-2
 
 
-# ---- stops ----------------------------------------------------------------------------------------------
+# ---- stops -------------------------------------------------------------------------------------------
 
 
 def stops_of(scene):
@@ -165,4 +165,4 @@ class FlippedVelocity(ImpulseAtStepEnd):
         qd[outside, k] *= -restitution
 
 
-# ---- friction -------------------------------------------------------------------------------------------
+# ---- friction ----------------------------------------------------------------------------------------
