@@ -1,7 +1,4 @@
-"""Write the page of hard cases: ``python -m tests.hard_cases [--out FOLDER]``.
-
-The page has each case, and results of naive variants and this package. ``make docs`` makes it, too.
-"""
+"""Write the page of hard cases: ``python -m tests.hard_cases [--out FOLDER]``; ``make docs`` does, too."""
 
 import argparse
 import datetime
@@ -15,31 +12,23 @@ from redundant_envs.support.machine import machine_name
 from redundant_envs.support.tables import markdown
 
 from .cases import CASES
-from .subject import Subject
 
 ROOT = Path(__file__).parents[2]
 INTRODUCTION = """# Hard cases
 
-This page shows how this package and textbook methods fare in cases that break simulators. Each case
-is a row in `tests/hard_cases`; its conditions are numbers. Naive variants have one textbook mistake each
-(`naive.py`), and a test shows that they fail the case. `python -m tests.hard_cases` writes this page.
+This page shows how this package fares in cases that break simulators. Each case is a row in
+`tests/hard_cases`; its conditions are numbers. `python -m tests.hard_cases` writes this page.
 
 `python -m redundant_envs verify` judges more of any scene: whether lanes depend on their neighbours, on
 threads, copies or snapshots, whether impacts are those of rigid bodies, and whether steps have their order.
 
-Bold numbers miss their bound. A dash means that there is no finite number, or no result. `standard` and
-`exact` are the tip errors of 1e-6 and 1e-12 m that error control allows in a control interval of 20 ms.
+Bold numbers miss their bound. `standard` and `exact` are the tip errors of 1e-6 and 1e-12 m that error
+control allows in a control interval of 20 ms.
 """
 
 
 def heading(case):
     return f"### {case.number}. {case.title[0].upper()}{case.title[1:]}"
-
-
-def measured(case):
-    """Figures of this package, and of the variants that fail the case."""
-    subjects = [Subject(), *(variant() for variant in case.variants)]
-    return {subject.name: list(case.figures(subject)) for subject in subjects}
 
 
 def cell(figure):
@@ -48,30 +37,23 @@ def cell(figure):
     return found if figure.kept else f"**{found}**"
 
 
-def section(case, found):
+def section(case, figures):
     """The section of the page about one case."""
     lines = [heading(case), "", case.hard, "", f"*Naive:* {case.naive}"]
     if case.mujoco:
         lines += ["", f"*MuJoCo:* {case.mujoco}"]
-    rows = [
-        [figure.name.rstrip(","), str(figure.promise), *(cell(each[k]) for each in found.values())]
-        for k, figure in enumerate(found[Subject.name])
-    ]
-    return [*lines, "", markdown(["", "promised", *found], rows, formatted=True), ""]
-
-
-def summary(results):
-    """One row for each case."""
-    head, rows = ["case", "", "figures that keep their bound", "naive variants that fail it"], []
-    for case in CASES:
-        own, names = results[case.number][Subject.name], ", ".join(x.name for x in case.variants)
-        rows.append([case.number, case.title, f"{sum(f.kept for f in own)} of {len(own)}", names])
-    return markdown(head, rows, formatted=True)
+    rows = [[one.name.rstrip(","), str(one.promise), cell(one)] for one in figures]
+    return [*lines, "", markdown(["", "promised", "found"], rows, formatted=True), ""]
 
 
 def text(results, machine, date):
-    """The whole page of cases, with their results by number."""
-    lines = [INTRODUCTION, f"Measured on {date} on {machine}.", "", summary(results), ""]
+    """The whole page of cases, with their figures by number."""
+    rows = [
+        [case.number, case.title, f"{sum(f.kept for f in figures)} of {len(figures)}"]
+        for case, figures in ((case, results[case.number]) for case in CASES)
+    ]
+    summary = markdown(["case", "", "figures that keep their bound"], rows, formatted=True)
+    lines = [INTRODUCTION, f"Measured on {date} on {machine}.", "", summary, ""]
     for theme, some in groupby(CASES, lambda case: case.theme):
         lines += [f"## {theme}", ""]
         for case in some:
@@ -88,8 +70,8 @@ def main(arguments):
     os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(ROOT / ".pytest_cache" / "kernels"))
     results = {}
     for case in CASES:
-        print(case.name, flush=True)
-        results[case.number] = measured(case)
+        print(f"case {case.number}, {case.title}", flush=True)
+        results[case.number] = case.figures()
     out.mkdir(parents=True, exist_ok=True)
     page = text(results, machine_name(), datetime.date.today().isoformat())
     (out / "hard_cases.md").write_text(page, encoding="utf-8")
