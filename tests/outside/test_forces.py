@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from arms import ARMS, LINKS, ROTORS, e, inertias, states
 from catalogue import COPIES, RPRP, advanced, assert_same_bits, tips_after
-from held_command import HeldCommand
 from late_command import LateCommand, SampledBrake
-from outside.guards import BrakeInBands, HalfBrake, SpeedCurve, brake
+from outside.guards import BrakeInBands, HalfBrake, brake
 from wall import Wall
 
 import redundant_envs as rde
@@ -49,21 +48,19 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
 
 
 def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
-    chain, zero = (HeldCommand(), e.Lag(0.03), e.EffortLimits(1.5)), np.zeros((4, 3))
+    chain = e.CommandDelay(0.02, 0.02), e.Lag(0.03), e.EffortLimits(1.5)
+    zero = np.zeros((4, 3))
     own, turned, free = (
         advanced(
             rde.Scene(ARMS["3R"], effects, integrator="rk4", substeps=4), zero, zero, zero + 4.0, intervals=5
         )[0]
         for effects in (chain, chain[::-1], chain[:2])
     )
-    lagged = own.z[0, 3:]  # the first interval has no command
+    lagged = own.z[0, -3:]  # the first interval has no command
     assert np.abs(lagged - 4.0 * (1.0 - np.exp(-0.08 / 0.03))).max() < 1e-4
     assert lagged.min() > 1.5  # what acts is less: limits come last
     assert np.array_equal(own.q, turned.q)
     assert np.abs(free.qd - own.qd).max() > 0.1
-
-
-# ---- stops -------------------------------------------------------------------------------------------
 
 
 # ---- guards: laws that change, located in time under error control -----------------------------------
@@ -98,7 +95,7 @@ def test_all_passages_of_a_guard_in_one_step_are_found():
 
 @pytest.mark.long
 def test_a_guard_that_never_changes_its_sign_costs_no_step():
-    far = SpeedCurve(stall=1e3, free=1e4)
+    far = e.TorqueSpeed(1e3, 1e4)
     counts = [advanced(scene(*effects), *start(64, seed=2))[1].evaluations for effects in ((), (far,))]
     np.testing.assert_array_equal(*counts)
 
@@ -121,7 +118,7 @@ def test_at_fixed_steps_the_sign_at_each_stage_selects_the_law():
 
 @pytest.mark.long
 def test_a_motor_tells_the_effort_behind_the_law_that_holds():
-    made = scene(SpeedCurve(stall=2.0))
+    made = scene(e.TorqueSpeed(2.0, 8.0))
     motion = rde.simulate(made, np.zeros(4), np.zeros(4), [0.0, 0.01, 0.02], efforts=(5.0, 1.0, -5.0, 0.5))
     np.testing.assert_allclose(motion.efforts[0], (2.0, 1.0, -2.0, 0.5))
 
