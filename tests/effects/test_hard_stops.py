@@ -308,8 +308,7 @@ def test_states_beyond_a_stop_are_refused_and_starts_are_inside():
     with pytest.raises(ValueError, match=r"is 0.901 rad; its stops are at -0.8 and 0.9 rad"):
         rde.BatchSimulator(scene).set_state([[0.3, 1.201, 1.201, 1.201]], np.zeros((1, 4)))
     narrow = rde.Scene(
-        FOUR_R,
-        (e.EffortLimits((5.0,) * 4), e.JointStop((0.2, 0.1, -0.2, 0.3), (0.3, 0.15, -0.1, None), 0.5)),
+        FOUR_R, (e.EffortLimits((5.0,) * 4), e.JointStop((0.2, 0.1, -0.2, 0.3), (0.3, 0.15, -0.1, None), 0.5))
     )
     fresh = rde.BatchSimulator(narrow).q @ FOUR_R.motor_map
     np.testing.assert_allclose(fresh, [[0.2, 0.1, -0.1, 0.3]], rtol=0.0, atol=1e-15)

@@ -92,10 +92,7 @@ def test_observations_are_those_of_an_arm_whose_joints_are_where_a_sensor_shows_
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("effects", "expected"),
-    [
-        ((e.SensorBias(0.02), e.Quantisation(0.1)), 0.2),
-        ((e.Quantisation(0.1), e.SensorBias(0.02)), 0.12),
-    ],
+    [((e.SensorBias(0.02), e.Quantisation(0.1)), 0.2), ((e.Quantisation(0.1), e.SensorBias(0.02)), 0.12)],
 )
 def test_sensors_act_in_the_order_of_the_scene(effects, expected):
     obs, _ = made("FourRReach-v0", *effects).reset(seed=0, options={"q": [0.14] * 4, "qd": [0.0] * 4})

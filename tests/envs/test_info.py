@@ -141,20 +141,6 @@ def test_attributes_are_given_per_environment(env_id):
     assert not env.has_attr("nothing_of_that_name")
 
 
-def test_seeds_and_options_are_used_up_by_the_next_reset_and_replace_each_other():
-    env = made("sb3", FOUR_R)
-    first = begin(env, seed=5)
-    second = begin(env, [{"goal": (0.1, 0.2)}, {}, {}], seed=5)
-    np.testing.assert_array_equal(env.goal[0], (0.1, 0.2))
-    np.testing.assert_array_equal(second[1:], first[1:])
-    assert (env.reset() != second).any(axis=1).all()
-    assert (env.goal[0] != (0.1, 0.2)).any()
-    env.set_options({"goal": (0.1, 0.2)})
-    begin(env, [{"goal": (0.2, 0.1)}, {}, {}])
-    assert (env.goal == (0.2, 0.1)).all(axis=1).tolist() == [True, False, False]
-    assert (env.goal != (0.1, 0.2)).all()
-
-
 @pytest.mark.quick(ID)
 @pytest.mark.parametrize("env_id", [ID, "redundant_envs/RPRPGoalReach-v0"])
 def test_episodes_are_those_that_vec_monitor_counts(env_id):

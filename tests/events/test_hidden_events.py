@@ -72,8 +72,7 @@ MANY_IMPACTS = StopFamily(control_dt=0.1, travel=0.02, restitution=0.99)
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("family", "count", "judged", "flagged"),
-    [(NAMED[0], 1024, 0.99, 1), (MANY_IMPACTS, 4096, 0.98, 40)],
+    ("family", "count", "judged", "flagged"), [(NAMED[0], 1024, 0.99, 1), (MANY_IMPACTS, 4096, 0.98, 40)]
 )
 def test_no_interval_of_a_family_hides_an_impact(family, count, judged, flagged):
     """Of every thousand, up to 43 did, and of 4096 with up to 256 impacts in 0.1 s two. Few are given up.

@@ -194,20 +194,6 @@ def test_a_name_of_a_file_cannot_break_a_comment(tmp_path):
         mujoco.MjModel.from_xml_string(text)
 
 
-@pytest.mark.quick("0.02")
-@pytest.mark.parametrize("control_dt", [0.001, 0.02, 1.0])
-def test_soft_ends_hold_a_pushed_slider(control_dt):
-    effects = (e.PrismaticStop((0.0, 0.0), (0.25, 0.25)), e.ViscousFriction(0.2), e.EffortLimits(16.0))
-    scene = rde.Scene(rde.load_scene("rprp_reach").robot, effects, control_dt=control_dt)
-    model, farthest = model_of(scene, "mjcf", approximate=True), 0.0
-    data = mujoco.MjData(model)
-    data.ctrl[:] = [0.0, 1.0, 0.0, 1.0]
-    for _ in range(int(1.0 / model.opt.timestep)):
-        mujoco.mj_step(model, data)
-        farthest = max(farthest, *data.qpos[[1, 3]])
-    assert 0.25 < farthest < 0.27
-
-
 # ---- other readers -----------------------------------------------------------------------------------
 
 PROGRAMS = {"pybullet": "pybullet", "pinocchio": "pin", "pydrake": "drake"}

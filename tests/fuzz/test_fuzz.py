@@ -16,7 +16,7 @@ from studies.drawing import drawn_arm, own_effects
 from . import cases
 from .drawing import AUTORESETS, drawn, drawn_scene
 from .invariants import COSTLY, NAMES
-from .running import judged, minimised, run
+from .running import judged, run
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "runs" / "fuzz"
@@ -93,23 +93,3 @@ def test_every_effect_and_every_way_to_step_is_drawn():
     arms = [drawn_arm(rng) for _ in range(1000)]
     assert max(max(arm.masses) / min(arm.masses) for arm in arms) > 1e10
     assert max(max(arm.lengths) / min(arm.lengths) for arm in arms) > 1e5
-
-
-def test_a_failing_case_is_made_small():
-    """To the one lane, the one call and the one effect that it needs."""
-    case = next(c for c in (drawn(5, n) for n in range(0, 100, 5)) if c["num_envs"] > 8)
-    case["scene"]["effects"] = [{"type": "Gravity"}, {"type": "ViscousFriction"}]
-    case["calls"] += [{"call": "copy"}, {"call": "save"}]
-    case["calls"][0]["rows"]["q"][4][0] = 77.0
-
-    def fails(c):
-        return (
-            any(row[0] == 77.0 for row in c["calls"][0]["rows"]["q"])
-            and {"type": "ViscousFriction"} in c["scene"]["effects"]
-            and {"call": "copy"} in [{"call": call["call"]} for call in c["calls"]]
-        )
-
-    small = minimised(case, fails)
-    assert (small["num_envs"], small["threads"]) == (1, 1)
-    assert small["scene"]["effects"] == [{"type": "ViscousFriction"}]
-    assert [call["call"] for call in small["calls"]] == ["set_state", "copy"]

@@ -201,35 +201,6 @@ def test_energies_and_inverse_dynamics_know_inertias(name):
     assert np.abs(back - Q).max() < 1e-11
 
 
-bob = physics(gives="x1 y1")(lambda l1, s1, c1: (l1 * c1, l1 * s1))
-weight = physics(gives="G1")(lambda M11, l1, s1, c1, ax, ay, more: M11 / l1 * (ay * c1 - ax * s1) + more)
-own_energy = physics(gives="T")(lambda M11, w1: 0.5 * M11 * w1 * w1)
-
-
-@dataclasses.dataclass(frozen=True)
-class Pendulum(rde.Arm):
-    """Its weight and own_energy are written with its mass matrix; it has a parameter of its own."""
-
-    more: float
-
-    joint_types = "R"
-    functions = (bob, weight, own_energy)
-
-    def parameter_values(self):
-        return {**super().parameter_values(), "more": self.more}
-
-
-def test_what_an_arm_writes_with_its_mass_matrix_is_of_its_point_masses():
-    scene = rde.Scene(Pendulum((1.0,), (1.0,), 2.0), (e.Gravity(), e.Armature(0.5)), "rk8")
-    arm = scene.loaded_robot
-    assert arm.mass_matrix([0.0])[0, 0] == 1.5
-    assert arm.gravity_forces([0.0])[0] == pytest.approx(11.81)
-    assert arm.kinetic_energy([0.0], [1.0]) == 0.75
-    assert arm.forward_dynamics([0.0], [0.0], [0.0])[0] == pytest.approx(-11.81 / 1.5)
-    batch, _ = advanced(scene, *np.zeros((3, 1, 1)))
-    assert batch.qd[0, 0] == pytest.approx(-11.81 / 1.5 * scene.control_dt, rel=1e-3)
-
-
 def test_a_loaded_arm_is_copied_as_it_is_and_is_no_robot_of_a_scene():
     arm = rde.Scene(ARMS["4R"], (e.Gravity(), *inertias(ARMS["4R"]))).loaded_robot
     for copied in COPIES.values():
