@@ -10,9 +10,8 @@ import time
 import warnings
 from pathlib import Path
 
-from . import cases
-from .invariants import NAMES
-from .running import judged, run
+from .judging import NAMES
+from .running import judged, read, run
 
 
 def main(arguments=None):
@@ -26,7 +25,7 @@ def main(arguments=None):
     # It compiles many kernels, which must not replace those of the user and of the tests.
     os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(given.out / "kernels"))
     if given.replay is not None:
-        found = judged(cases.read(given.replay), only=given.only)
+        found = judged(read(given.replay), only=given.only)
         for v in found:
             print(f"{v.invariant}: call {v.call}, lane {v.lane}: {v.found}")
         print("it fails" if found else "it does not fail")

@@ -1,4 +1,6 @@
-"""Cases: a drawn scene with states and efforts, or a vector of environments with calls in any order."""
+"""Cases: scenes of any effects, with states and efforts of their lanes, as JSON documents."""
+
+import json
 
 import numpy as np
 
@@ -9,144 +11,17 @@ from studies.drawing import (
     drawn_arm,
     drawn_effect,
     drawn_efforts,
-    drawn_rows,
-    drawn_state,
     drawn_states,
     own_effects,
 )
 
-from .cases import plain
-
-LANES, FEW, MANY = 48, 12, 128
-"""Most lanes of a simulator and of environments."""
-LIMIT = 7
-"""Control steps of an episode, in most cases: few, so that episodes end often."""
-CALLS = ("step",) * 14 + (
-    "reset", "reset", "partial_reset", "reset_with", "save", "restore", "copy", "pickle", "bad_step",
-    "refused_reset", "refused_step",
-)  # fmt: skip
-PLAIN = ("save", "restore", "copy", "pickle")
-"""Calls without arguments."""
-AUTORESETS = ("next_step", "same_step", "disabled")
-
-
-def drawn(seed, number, scene=None, calls=None, **fixed):
-    """A case of a seed and a number: environments in two of five, one of them with many lanes.
-
-    A scene and entries of the case may be given.
-    """
-    rng = np.random.default_rng([seed, number])
-    made = {"seed": seed, "number": number, "threads": int(rng.choice([1, 1, 2]))}
-    if fixed.get("face") != "vector" and number % 5 not in (1, 3):
-        scene, of_case, calls = scene or drawn_scene(rng), calls_of_simulator, calls or 3
-        made |= {"face": "simulator", "num_envs": rng.choice([1, 7, 8, 9, LANES, LANES, LANES])} | fixed
-    else:
-        scene, of_case, calls = scene or limited_scene(rng), calls_of_environment, calls or 30
-        made |= drawn_environment(rng, FEW if number % 5 == 1 else MANY) | fixed
-    if scene.integrator == "dop853":  # takes as many steps as it needs, up to seconds for a wild lane
-        made["num_envs"], calls = min(made["num_envs"], 9), max(2, calls // 4)
-    return plain({**made, "scene": scene.to_dict(), "calls": of_case(rng, made, scene, calls)})
-
-
-def calls_of_simulator(rng, case, scene, count):
-    lanes = case["num_envs"]
-    q, qd = drawn_states(scene, drawn_kinds(rng, lanes, STATES, RARE_STATES), rng)
-    kinds = (drawn_kinds(rng, lanes, EFFORTS, tuple(RARE_EFFORTS)) for _ in range(count))
-    advances = ({"efforts": drawn_efforts(scene, some, rng)} for some in kinds)
-    start = {"call": "set_state", "rows": {"q": q, "qd": qd}}
-    return [start, *({"call": "advance", "rows": rows} for rows in advances)]
-
-
-def limited_scene(rng):
-    """A scene that an environment accepts: motors, joint efforts, sliders of limited travel."""
-    for _ in range(TRIES):
-        scene = drawn_scene(rng, (MOTORS,), "joint", calm=bool(rng.random() < 0.6))
-        limited = all(k in scene.travel() for k in scene.robot.sliders())
-        if limited and any(type(e).__name__ == MOTORS for e in scene.effects):
-            return scene
-    raise AssertionError("no drawn scene has limited travel")
-
-
-def drawn_environment(rng, lanes):
-    mode = str(rng.choice(AUTORESETS))
-    return {
-        "face": "vector", "goal": bool(rng.random() < 0.35), "num_envs": int(rng.choice([1, 2, 8, 9, lanes])),
-        "autoreset_mode": mode, "on_bad_action": str(rng.choice(["raise", "terminate", "terminate"])),
-        # Where ends are waited for, short episodes would make most steps be refused.
-        "max_episode_steps": 100 if mode == "disabled" else int(rng.choice([1, LIMIT, LIMIT, 100])),
-        "task": {"speed_bound": rng.choice([50.0, 50.0, 5.0])},
-    }  # fmt: skip
-
-
-def calls_of_environment(rng, case, scene, count):
-    early = [step(drawn_actions(rng, case["num_envs"], len(scene.robot.joints)), refused="before reset")]
-    first = {"call": "reset", "rows": {"seed": drawn_seeds(rng, case["num_envs"])}}
-    usual = CALLS + ("reset",) * 5 * (case["autoreset_mode"] == "disabled")
-    kinds = map(str, rng.choice(usual, count))
-    return early * (rng.random() < 0.2) + [first, *(call_of(rng, case, scene, kind) for kind in kinds)]
-
-
-def drawn_seeds(rng, count):
-    return rng.integers(2**31) + np.arange(count)
-
-
-def step(actions, **more):
-    return {"call": "step", "rows": {"actions": actions}, **more}
-
-
-def call_of(rng, case, scene, kind):
-    """A call with its arguments."""
-    count, joints = case["num_envs"], len(scene.robot.joints)
-    if kind in PLAIN:
-        return {"call": kind}
-    if kind == "step":
-        return step(drawn_actions(rng, count, joints))
-    if kind == "bad_step":
-        return step(drawn_actions(rng, count, joints, bad=True), float64=True)
-    if kind == "refused_step":
-        return step(np.zeros((count, joints + 1)), refused="shape")
-    if kind == "refused_reset":
-        name, wrong = [
-            ("unknown", {"unknown": 1.0}), ("masses", {"parameters": {"masses": -1.0}}),
-            ("parameters", {"parameters": 3.0}), ("goal", {"goal": [[1e9, 0.0]] * count}),
-            ("'q'", {"q": [[0.0]] * count}), ("'qd'", {"qd": [[1e200] * joints] * count}),
-        ][rng.integers(6)]  # fmt: skip
-        return {"call": "reset", "options": wrong, "refused": name}
-    some = rng.permutation(count)[: rng.integers(1, max(2, count // 2))]
-    call = {"call": "reset", "lanes": np.sort(some) if kind == "partial_reset" else None, "rows": {}}
-    if rng.random() < 0.5:
-        call["rows"]["seed"] = drawn_seeds(rng, count)
-    if kind == "reset_with" or rng.random() < 0.2:
-        call["rows"]["options"] = drawn_options(rng, scene, count)
-        call["refusable"] = True
-    return call
-
-
-def drawn_options(rng, scene, lanes):
-    """Options of a reset: positions, velocities, parameters and goals; some are refused."""
-    kinds = ("plain", "folded", "at rest", "at stop", "near stop", "denormal", "fast", "huge", "overflowing")
-    states = [drawn_state(scene, str(rng.choice(kinds)), rng) for _ in range(lanes)]
-    q, qd = (np.array(x) for x in zip(*states, strict=True))
-    masses = scene.robot.masses * rng.uniform(0.7, 1.4, (lanes, len(scene.robot.masses)))
-    options = {
-        "q": q,
-        "qd": np.clip(qd, -1e100, 1e100),
-        "parameters": {"masses": masses},
-        "goal": rng.uniform(-0.4, 0.4, (lanes, 2)) * min(scene.robot.lengths),
-    }
-    return {name: rows for name, rows in options.items() if rng.random() < 0.4}
-
-
-# ---- scenes ------------------------------------------------------------------------------------------
-
-MOTORS = "EffortLimits"
-"""Environments need it."""
 STATES = (
     "plain", "plain", "fast", "folded", "at rest", "at stop", "at stop", "near stop", "near stop", "huge"
 )  # fmt: skip
 RARE_STATES = ("denormal", "far", "overflowing", "nan")
 EFFORTS = ("plain", "plain", "bang-bang", "bang-bang", "none", "strong")
-ACTIONS = ("plain", "bang-bang", "bang-bang", "none", "too large")
+LANES = 48
+"""Most of a simulator."""
 RARE = 0.03
 """Share of lanes with numbers that no motion survives."""
 
@@ -155,7 +30,7 @@ def drawn_kinds(rng, count, usual, rare):
     return [str(rng.choice(rare if rng.random() < RARE else usual)) for _ in range(count)]
 
 
-def drawn_effects(rng, arm, needed=(), dt=0.02):
+def drawn_effects(rng, arm, dt=0.02):
     """Any subset of the registered effects that fit an arm, a control interval and each other; limit springs
     at a random number of joints."""
     share = rng.choice([0.03, 0.1, 0.3, 1.0], p=[0.3, 0.35, 0.3, 0.05])  # many take long to compile
@@ -168,7 +43,7 @@ def drawn_effects(rng, arm, needed=(), dt=0.02):
             return None
 
     for name, kind in own_effects().items():
-        if name not in needed and not rng.random() < share:
+        if not rng.random() < share:
             continue
         for _ in range(int(rng.integers(1, 4)) if name == "LimitSpring" else 1):
             for _ in range(TRIES):
@@ -193,17 +68,27 @@ def drawn_stepping(rng):
     return {"integrator": str(rng.choice(["euler", "rk4", "rk8"])), "substeps": int(rng.choice([1, 1, 2, 5]))}
 
 
-def drawn_scene(rng, needed=(), actuation=None, calm=False):
-    """A scene of any registered effects, with ``needed`` among them; a calm one has similar links."""
+def drawn_scene(rng, calm=False):
+    """A scene of any registered effects; a calm one has similar links."""
     arm = drawn_arm(rng, calm)
     dt = float(rng.choice([0.02, 0.02, 0.005, 0.01, 0.05, 1e-6, 0.2]))
-    actuation = actuation or str(rng.choice(["joint", "joint", "generalized"]))
-    effects = drawn_effects(rng, arm, needed, dt)
+    actuation = str(rng.choice(["joint", "joint", "generalized"]))
+    effects = drawn_effects(rng, arm, dt)
     return Scene(arm, effects, control_dt=dt, actuation=actuation, **drawn_stepping(rng))
 
 
-def drawn_actions(rng, count, joints, bad=False):
-    """Actions, (count, joints): inside [-1, 1], at its ends, and beyond; bad ones in float64."""
-    kinds = (*ACTIONS, *RARE_EFFORTS) if bad else ACTIONS
-    rows = drawn_rows(rng, [str(rng.choice(kinds)) for _ in range(count)], np.ones(joints))
-    return rows if bad else rows.astype(np.float32)
+def drawn(seed, number):
+    """A case of a seed and a number: a scene, the start of its lanes, and efforts of some intervals."""
+    rng = np.random.default_rng([seed, number])
+    threads, scene = int(rng.choice([1, 1, 2])), drawn_scene(rng)
+    lanes, intervals = int(rng.choice([1, 7, 8, 9, LANES, LANES, LANES])), 3
+    if scene.integrator == "dop853":  # takes as many steps as it needs, up to seconds for a wild lane
+        lanes, intervals = min(lanes, 9), 2
+    q, qd = drawn_states(scene, drawn_kinds(rng, lanes, STATES, RARE_STATES), rng)
+    kinds = (drawn_kinds(rng, lanes, EFFORTS, tuple(RARE_EFFORTS)) for _ in range(intervals))
+    advances = ({"efforts": drawn_efforts(scene, some, rng)} for some in kinds)
+    calls = [{"call": "set_state", "rows": {"q": q, "qd": qd}}]
+    calls += [{"call": "advance", "rows": rows} for rows in advances]
+    case = {"seed": seed, "number": number, "threads": threads, "num_envs": lanes}
+    case |= {"scene": scene.to_dict(), "calls": calls}
+    return json.loads(json.dumps(case, default=lambda array: array.tolist()))

@@ -9,14 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import redundant_envs as rde
 from redundant_envs.compiler.backends import cache
 from studies.drawing import drawn_arm, own_effects
 
-from . import cases
-from .drawing import AUTORESETS, drawn, drawn_scene
-from .invariants import COSTLY, NAMES
-from .running import judged, run
+from .drawing import drawn, drawn_scene
+from .running import judged, read, run, write
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "runs" / "fuzz"
@@ -33,7 +30,7 @@ def kernels_of_its_own(monkeypatch):
 @pytest.mark.long
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
-    tally, files = run(0, (1, 2, 3, 4, 7, 9, 12), math.inf, OUT)
+    tally, files = run(0, (2, 4, 7, 9, 12), math.inf, OUT)
     told = "\n".join(f"python -m tests.fuzz --replay {path}" for path in files)
     assert not files, f"{tally}; each failure is a file:\n{told}"
     assert tally["intervals"] > 100
@@ -51,24 +48,7 @@ def test_the_command_counts_what_it_did(tmp_path):
 @pytest.mark.usefixtures("kernels_of_its_own")
 @pytest.mark.parametrize("path", sorted((HERE / "found").glob("*.json")), ids=lambda path: path.stem)
 def test_mended_failures_stay_mended(path):
-    assert judged(cases.read(path)) == []
-
-
-COMMON = {
-    "face": "vector", "num_envs": 3, "max_episode_steps": 6, "task": {}, "autoreset_mode": "next_step",
-    "goal": False, "on_bad_action": "terminate",
-}  # fmt: skip
-FACES = {"goal": COMMON | {"goal": True, "on_bad_action": "raise"}}
-FACES |= {mode: COMMON | {"autoreset_mode": mode} for mode in AUTORESETS}
-
-
-@pytest.mark.quick("goal-0", "next_step-0")
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("face", FACES)
-def test_no_order_of_calls_breaks_a_promise(face, seed):
-    """Of a scene of the package, which is compiled once."""
-    case = drawn(seed, 0, rde.load_scene("rprp_reach"), 20, **FACES[face])
-    assert judged(case, only=NAMES - COSTLY) == [], case
+    assert judged(read(path)) == []
 
 
 # ---- drawing, files, making small --------------------------------------------------------------------
@@ -77,8 +57,8 @@ def test_no_order_of_calls_breaks_a_promise(face, seed):
 def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):
     for number in range(6):
         texts = [repr(drawn(3, number)) for _ in range(2)]
-        cases.write(drawn(3, number), tmp_path / "case.json")
-        assert {*texts, repr(cases.read(tmp_path / "case.json"))} == {texts[0]}
+        write(drawn(3, number), tmp_path / "case.json")
+        assert {*texts, repr(read(tmp_path / "case.json"))} == {texts[0]}
     assert drawn(4, 0) != drawn(3, 0)
 
 
