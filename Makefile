@@ -62,7 +62,7 @@ coverage: $(VENV)/ready-all
 
 MINUTES ?= 10
 fuzz: $(VENV)/ready
-	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --processes 2 $(if $(SEED),--seed $(SEED))
+	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) $(if $(SEED),--seed $(SEED))
 
 COUNT ?= 300
 mutation: $(VENV)/ready

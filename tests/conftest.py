@@ -24,7 +24,7 @@ COLLECTION_THRESHOLDS = 50_000, 20, 100
 """Allocations until a collection of the youngest objects, and collections of one generation until one of the
 next. Kept simulators are millions of objects and no garbage: with Python's own thresholds, looking at them
 again and again took 14 % of the processor time of 1900 tests, with these 10 % of that of 346 others."""
-AS_USERS_GET_IT = {"backends", "batch", "exports", "tracing", "web"}
+AS_USERS_GET_IT = {"backends", "exports", "tracing", "web"}
 """Folders whose tests are about code as users get it. Elsewhere tests compile many scenes and compute little
 with each: with its least effort LLVM makes their code in a third of the time. No bit depends on that
 (``backends/test_processors.py``). ``make test-long`` without MARK has the code of users everywhere."""

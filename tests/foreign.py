@@ -58,12 +58,3 @@ def largest_difference(scene, model, controlled, seed=11):
         mujoco.mj_forward(model, data)
         worst = max(worst, np.abs(data.qacc[order] - expected[k]).max() / np.abs(expected[k]).max())
     return worst
-
-
-def assert_same_tips(scene, model):
-    """The site "tip" is where the arm has its tip, in poses at random."""
-    data = mujoco.MjData(model)
-    for q in states(scene, 5)[0]:
-        data.qpos[:] = q @ scene.robot.motor_map
-        mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(data.site("tip").xpos[:2], scene.robot.forward_kinematics(q), atol=1e-13)

@@ -1,4 +1,4 @@
-"""The wheel: with core dependencies only, with those of training, and to a type checker."""
+"""The wheel: with core dependencies only, with those of training, and to a type checker; first imports."""
 
 import email
 import json
@@ -153,3 +153,25 @@ def test_the_wheel_tells_what_it_is(wheel):
     assert core == {"numpy", "llvmlite", "gymnasium", "pyyaml"}
     assert "Typing :: Typed" in about.get_all("Classifier", [])
     assert about["License-Expression"] == "MIT"
+
+
+# ---- imports -----------------------------------------------------------------------------------------
+
+FIRST_IMPORTS = """
+import importlib, sys, traceback
+for name in ("__main__", "algebra", "effects", "robots.arm", "scenes.scene", "tasks.reach", "envs.check"):
+    for module in [m for m in sys.modules if m.partition(".")[0] == "redundant_envs"]:
+        del sys.modules[module]
+    try:
+        importlib.import_module(f"redundant_envs.{name}")
+        from redundant_envs.scenes.scene import load_scene
+        load_scene("rprp_reach")
+    except Exception:
+        print(name, traceback.format_exc())
+"""
+
+
+@pytest.mark.long
+def test_a_module_works_as_the_first_import():
+    run = subprocess.run([sys.executable, "-c", FIRST_IMPORTS], capture_output=True, text=True)
+    assert (run.returncode, run.stdout) == (0, ""), run.stderr

@@ -1,7 +1,6 @@
 """Small files that would fill the memory, and files that are none, end a command with one line of error."""
 
 import io
-import os
 import shutil
 import tracemalloc
 import zipfile
@@ -97,19 +96,6 @@ def test_json_and_tables_that_would_fill_the_memory(tmp_path, lean, monkeypatch)
         lean(words, f"{path.name} has 2147483648 bytes, more than the {most}")
     sparse(selection)
     lean(["curves", selection.parent], "selection.csv has 2147483648 bytes")
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
-def test_a_pipe_is_not_waited_for(tmp_path, lean, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # long paths are shortened in messages
-    os.mkfifo("pipe")
-    lean(["train", "pipe"], "'pipe'", "no folder, pipe")
-    lean(["train", "rprp_reach_ppo", "start_from=pipe"], "'pipe'")
-    for name in ("config.yaml", "scene.yaml", "evaluation.json", "selection.csv", "training.json"):
-        run = write_run(tmp_path / f"of_{name}")
-        (run / name).unlink(missing_ok=True)
-        os.mkfifo(run / name)
-        lean(["table", run], name)
 
 
 @pytest.mark.skipif(not TUNES, reason="optuna is in the extra 'tune'")

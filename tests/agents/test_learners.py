@@ -128,16 +128,6 @@ def test_samples_are_those_of_stable_baselines3_to_the_bit(algo, settings, full)
 # ---- smooth actions, and averages -------------------------------------------------------------------
 
 
-def slope_of(networks, update, weights):
-    """What the second of two weights adds to the gradient of the last layer, which ``update`` sets."""
-    gradients = []
-    for weight in weights:
-        with torch.no_grad():
-            update(weight)
-        gradients.append(networks.gradient.clone())
-    return networks._parts(gradients[1] - gradients[0])[0][-1][0]
-
-
 def close(found, expected):
     """Whether tensors agree, pair by pair, to single precision."""
     for one, other in zip(found, expected, strict=True):

@@ -13,17 +13,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 import yaml
-from run_folders import (
-    POLICIES,
-    REFUSALS,
-    RPRP,
-    change,
-    kept,
-    readers,
-    says,
-    write_run,
-    write_scene_file,
-)
+from run_folders import POLICIES, REFUSALS, RPRP, change, kept, readers, says, write_run, write_scene_file
 from short_trainings import SMALL, assert_same_policy
 
 from redundant_envs import __main__ as library

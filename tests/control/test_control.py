@@ -42,7 +42,7 @@ def drawn_goals(count, seed, most=0.95):
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
-# ---- poses at a goal: each has its tip there, and the set is complete ----------------------------------
+# ---- poses at a goal: each has its tip there, and the set is complete --------------------------------
 
 
 @pytest.mark.long
@@ -76,7 +76,7 @@ def test_every_parameter_gives_a_pose_at_the_goal_and_every_pose_is_near_one(nam
         assert gap.max(axis=-1).min() < 0.15
 
 
-# ---- efforts at rest -----------------------------------------------------------------------------------
+# ---- efforts at rest ---------------------------------------------------------------------------------
 
 
 def test_static_efforts_are_inverse_dynamics_at_rest():
@@ -105,7 +105,7 @@ def test_a_stop_pushes_and_never_pulls():
     np.testing.assert_allclose(motor_efforts(RPRP, np.array(q))[:, [1, 3]], expected, atol=1e-12)
 
 
-# ---- goals that can be held: loads by hand, and the simulator -------------------------------------------
+# ---- goals that can be held: loads by hand, and the simulator ----------------------------------------
 
 
 @pytest.mark.long
@@ -150,7 +150,7 @@ def test_an_arm_rests_in_the_simulator_where_the_account_says_so(name):
     assert holding_load(changed(name, e.Gravity(0.0)), drawn_goals(20, 6)).tolist() == [0.0] * 20
 
 
-# ---- the expert ----------------------------------------------------------------------------------------
+# ---- the expert --------------------------------------------------------------------------------------
 
 
 @pytest.mark.quick("RPRPReach-v0")
@@ -193,7 +193,7 @@ def test_the_plan_ends_in_the_pose_that_is_chosen():
     np.testing.assert_allclose(batch.q, end, atol=1e-3)
 
 
-# ---- refusals ------------------------------------------------------------------------------------------
+# ---- refusals ----------------------------------------------------------------------------------------
 
 BARE = rde.Scene(UNEQUAL["four_r_reach"])
 TILTED = rde.Scene(BARE.robot, (e.EffortLimits(1.0), e.Gravity(9.81, (0.5, -0.5))))

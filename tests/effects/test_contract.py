@@ -11,7 +11,6 @@ import math
 import pickle
 import pkgutil
 import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +36,6 @@ from redundant_envs.verify import (
 )
 from redundant_envs.verify.checks import checks_of, random_states
 from studies.effects import load_study
-from tests.mutation.copies import outcome
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = load_study(config_folder("studies") / "effects.yaml").entries
@@ -58,7 +56,7 @@ def alone(name, **how):
     return dataclasses.replace(ENTRIES[name].pair.scene, **how)
 
 
-# ---- what it is -----------------------------------------------------------------------------------------
+# ---- what it is --------------------------------------------------------------------------------------
 
 
 def test_every_effect_of_the_folder_can_be_named_has_an_example_and_is_tested():
@@ -93,7 +91,7 @@ def test_what_an_effect_costs_is_on_the_bill(name):
     assert ENTRIES[name].effect.key in rde.bill(alone(name))
 
 
-# ---- what it does ---------------------------------------------------------------------------------------
+# ---- what it does ------------------------------------------------------------------------------------
 
 CHECKS = checks_of(bits, conservation, evaluators, forces, hints)
 
@@ -151,7 +149,7 @@ def test_a_motion_has_the_same_bits_without_an_effect_and_with_one_of_zero_magni
     assert motion(alone(name, **how), start) != expected
 
 
-# ---- its numbers ----------------------------------------------------------------------------------------
+# ---- its numbers -------------------------------------------------------------------------------------
 
 NO_NUMBERS = (math.nan, -math.inf, 10**400, "1.0", b"1", True, 1j, {})
 NUMBER = r"-?\d[\d.]*(?:e-?\d+)?"
@@ -264,63 +262,3 @@ def test_a_class_that_gives_a_number_another_default_keeps_its_check_and_unit():
         SlowLag(0.0)
     assert SlowLag(1).time_constant == 1.0
     assert SlowLag().units(FOUR_R) == e.Lag(0.03).units(FOUR_R)
-
-
-@dataclasses.dataclass(frozen=True)
-class Started(e.Effect):
-    """An effect as users write them: a number that the start alone takes, names and notes of their own."""
-
-    k: dataclasses.InitVar[int] = 3
-    example: float = dataclasses.field(default=2.0, metadata={"declared": "by me"})
-
-
-class Doubled:
-    def __post_init__(self):
-        object.__setattr__(self, "c", 2.0 * self.c)
-
-
-@dataclasses.dataclass(frozen=True)
-class Mixed(e.Effect, Doubled):
-    c: float = 0.5
-
-
-def test_effects_of_users_may_be_started_their_own_way():
-    assert Started(5).example == 2.0
-    assert Mixed().c == 1.0
-
-
-# ---- a new effect ---------------------------------------------------------------------------------------
-
-INIT, OLD, NEW = "redundant_envs/effects/__init__.py", "ViscousFriction", "TwinFriction"
-ORACLE = """
-import redundant_envs as rde
-
-def test_twin_friction_slows_a_slider_down():
-    scene = rde.Scene(rde.Chain("P", (2.0,), ()), (rde.effects.TwinFriction(0.5),))
-    assert 0.97 < rde.simulate(scene, [0.0], [1.0], [0.1]).qd[0, 0] < 0.98
-"""
-OF_ALL = (
-    "tests/effects", "tests/docs", "tests/studies/test_effects_study.py", "tests/test_properties.py",
-    "tests/envs/test_pictures.py", "tests/fuzz/test_fuzz.py", "tests/verify/test_verified_effects.py",
-)  # fmt: skip
-"""Tests of all effects."""
-
-
-def renamed(text):
-    return text.replace(OLD, NEW).replace("viscous_friction", "twin_friction")
-
-
-@pytest.mark.long
-def test_a_new_effect_is_a_module_a_line_a_page_and_a_test(tmp_path):
-    tree = tmp_path / "tree"
-    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".*", "runs", "__pycache__"))
-    for file in ("redundant_envs/effects/viscous_friction.py", "docs/effects/viscous_friction.md"):
-        text = (tree / file).read_text(encoding="utf-8")
-        (tree / renamed(file)).write_text(renamed(text), encoding="utf-8")
-    (tree / "tests" / "effects" / "test_twin_friction.py").write_text(ORACLE, encoding="utf-8")
-    assert outcome(["tests/effects/test_contract.py"], tree).result == "red"  # nobody can name it
-    init = (tree / INIT).read_text(encoding="utf-8")
-    (line,) = (line for line in init.splitlines(keepends=True) if OLD in line)
-    (tree / INIT).write_text(init.replace(line, renamed(line) + line), encoding="utf-8")
-    named = ("-k", f"{NEW} or twin_friction or every_effect or index_of_effects")
-    assert outcome([*OF_ALL, *named], tree).result == "green"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP
+from catalogue import FOUR_R
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -10,10 +10,6 @@ from redundant_envs import effects as e
 CART = rde.Chain("P", masses=(2.0,), lengths=())
 """A mass on a rail: it integrates forces."""
 MASS = 2.0
-EVERY = pytest.mark.parametrize("robot", [RPRP, FOUR_R], ids=["RPRP", "FourR"])
-Q0 = np.array([-1.2, 0.15, -0.4, 0.1])
-QD0 = np.array([0.5, -0.6, 0.9, 0.8])
-
 SIGMAS = 4.0
 """Standard errors by which a moment may differ."""
 
@@ -27,7 +23,7 @@ def pushed(effect, intervals, control_dt=0.02, count=1, **kwargs):
     return batch
 
 
-# ---- steps and periodic forces ---------------------------------------------------------------------------
+# ---- steps and periodic forces -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -75,7 +71,7 @@ def test_error_control_sees_forces_that_oscillate_within_an_interval(tolerance):
         assert np.abs(batch.q[:, 0] - place).max() < tolerance
 
 
-# ---- white noise -----------------------------------------------------------------------------------------
+# ---- white noise -------------------------------------------------------------------------------------
 
 LANES = 200_000
 
@@ -100,7 +96,7 @@ def test_white_noise_at_the_tip_has_its_densities():
     assert abs(np.corrcoef(x.T)[0, 1]) < SIGMAS / np.sqrt(LANES)
 
 
-# ---- Ornstein-Uhlenbeck ----------------------------------------------------------------------------------
+# ---- Ornstein-Uhlenbeck ------------------------------------------------------------------------------
 
 
 @pytest.mark.long

@@ -1,86 +1,22 @@
 """Draws of effects: their distribution, what they depend on, and the bits that they keep."""
 
-import dataclasses
-import itertools
-
 import gymnasium as gym
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, assert_same_bits
+from catalogue import FOUR_R, assert_same_bits, motion
+from envs.faces import with_effects
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.language.algebra import physics
 from redundant_envs.language.draws import MAX_DRAWS, Draw, drawn, stream_of
-from redundant_envs.verify import bits, evaluators, verify
-from redundant_envs.verify.checks import checks_of
 
-push_of, told = physics(lambda push: push), physics(lambda reading: reading)
-hidden = physics(lambda uniform3: uniform3)
-drawn_push = physics(lambda normal1, uniform1, size: size * (normal1 + uniform1))
-next_push = physics(lambda push, normal1, normal2, size: 0.5 * push + size * (normal1 + 0.1 * normal2))
+told, hidden = physics(lambda reading: reading), physics(lambda uniform3: uniform3)
+SHAKEN = e.JointTorque(deviation=3.0, time_constant=0.05)
+SCENE = rde.Scene(FOUR_R, (e.Gravity(), SHAKEN), "rk4")
 
 
-@dataclasses.dataclass(frozen=True)
-class Shaken(e.Effect):
-    """Efforts of motors that nobody controls, one at each joint."""
-
-    size: float = 3.0  # N m or N
-
-    def hooks(self, arm):
-        return tuple(
-            e.Force(
-                k, push_of, {"push": f".push[{k}]"},
-                states=(e.State(
-                    f"push[{k}]", "N m", update=next_push, initial=drawn_push,
-                    bind={"push": f".push[{k}]", "size": ".size"},
-                ),),
-            )
-            for k in range(len(arm.joints))
-        )  # fmt: skip
-
-
-@dataclasses.dataclass(frozen=True)
-class Hidden(e.Effect):
-    """A sensor that draws and tells the truth."""
-
-    def hooks(self, arm):
-        kept = e.State("unseen", "", update=hidden)
-        return (e.Sensing(0, told, {"reading": "phi1"}, states=(kept,)),)
-
-
-for kind in (Shaken, Hidden):
-    rde.register_effect(kind)
-SHAKEN = {
-    "4R rk8": rde.Scene(FOUR_R, (e.Gravity(), Shaken())),
-    "4R 1e-6": rde.Scene(FOUR_R, (e.Gravity(), Shaken(), e.ViscousFriction(0.1)), tolerance=1e-6),
-    "RPRP stops 1e-6": rde.Scene(
-        RPRP, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5), Shaken(9.0)), tolerance=1e-6
-    ),
-    "RPRP dop853": rde.Scene(RPRP, (Shaken(),), "dop853"),
-}
-
-
-START = (0.3, 0.2, -0.4, 0.1)
-CHECKS = checks_of(bits, evaluators)
-
-
-def begun(scene, count=13, **kwargs):
-    batch = rde.BatchSimulator(scene, count, **kwargs)
-    batch.set_state(np.tile(START, (count, 1)), np.zeros((count, 4)))
-    return batch
-
-
-def rows(batch, intervals=4):
-    """All that a simulator tells of some intervals."""
-    found = [batch.z]
-    for _ in range(intervals):
-        batch.advance()
-        found += [batch.q, batch.qd, batch.z]
-    return found
-
-
-# ---- their distribution ----------------------------------------------------------------------------------
+# ---- their distribution ------------------------------------------------------------------------------
 
 DRAWS = 10_000_000
 SIGMAS = 4.0
@@ -113,46 +49,46 @@ def test_the_moments_of_ten_million_draws(kind):
         assert abs(product.mean()) < SIGMAS * (exact[1] - exact[0] ** 2) / np.sqrt(product.size)
 
 
-# ---- what they depend on -----------------------------------------------------------------------------------
+# ---- what they depend on -----------------------------------------------------------------------------
 
 
 def test_draws_do_not_depend_on_other_effects():
-    alone = rde.Scene(FOUR_R, (Shaken(),))
-    more = rde.Scene(FOUR_R, (Hidden(), e.Gravity(), e.LimitSpring("joint2", -0.4, 0.4), Shaken()), "rk4")
-    one, other = rde.BatchSimulator(alone, 3), rde.BatchSimulator(more, 3)
+    more = rde.Scene(FOUR_R, (e.SensorNoise(0.01), e.LimitSpring("joint2", -0.4, 0.4), SHAKEN), "rk4")
+    one, other = rde.BatchSimulator(SCENE, 3), rde.BatchSimulator(more, 3)
     for _ in range(5):
-        np.testing.assert_array_equal(other.z[:, 1:], one.z)
+        np.testing.assert_array_equal(other.z[:, -4:], one.z)
         one.advance(), other.advance()
 
 
 def test_lanes_have_draws_of_their_own_and_a_motion_has_the_same_again():
-    batch = begun(SHAKEN["4R 1e-6"])
-    first = rows(batch)
+    batch = rde.BatchSimulator(SCENE, 13)
+    first = batch.z, motion(batch)
     assert len(np.unique(first[0])) == first[0].size
-    batch.set_state(np.tile(START, (13, 1)), np.zeros((13, 4)))
-    assert_same_bits(rows(batch), first)
-    assert np.intersect1d(rows(begun(SHAKEN["4R 1e-6"], seed=1))[0], first[0]).size == 0
+    batch.set_state(np.zeros(4), np.zeros(4))
+    assert_same_bits([batch.z], first[:1])
+    assert_same_bits(motion(batch), first[1])
+    assert np.intersect1d(rde.BatchSimulator(SCENE, 13, seed=1).z, first[0]).size == 0
 
 
 def test_trajectories_have_draws_from_their_seed():
     q, times = np.zeros((3, 4)), np.linspace(0.0, 0.1, 8)[1:]
-    one, again, other = (rde.simulate(SHAKEN["4R rk8"], q, q, times, seed=seed) for seed in (0, 0, 5))
+    one, again, other = (rde.simulate(SCENE, q, q, times, seed=seed) for seed in (0, 0, 5))
     np.testing.assert_array_equal(one.q, again.q)
     assert (one.q[-1] != other.q[-1]).all()
     assert (one.q[-1, 0] != one.q[-1, 1]).all()
-    fewer = rde.simulate(SHAKEN["4R rk8"], q, q, times[-1:])
+    fewer = rde.simulate(SCENE, q, q, times[-1:])
     np.testing.assert_array_equal(fewer.q[-1], one.q[-1])
 
 
 @pytest.mark.parametrize("seed", [-1, 2**64, 1.0, None])
 def test_seeds_are_whole_numbers(seed):
     with pytest.raises(ValueError, match=r"seed is .* give a whole number from 0 to 2"):
-        rde.BatchSimulator(SHAKEN["4R rk8"], seed=seed)
+        rde.BatchSimulator(SCENE, seed=seed)
 
 
 @pytest.mark.long
 def test_draws_are_asked_for_where_there_are_some_and_refused_where_there_are_none():
-    torch, step = pytest.importorskip("torch"), rde.torch_step(SHAKEN["4R rk8"])
+    torch, step = pytest.importorskip("torch"), rde.torch_step(SCENE)
     state = torch.zeros(3, 4)
     with pytest.raises(ValueError, match=r"draws is None, and .* have \d+ of its numbers.*\(BatchSimulator"):
         step(state, state, torch.zeros(4), z=state)
@@ -163,23 +99,12 @@ def test_draws_are_asked_for_where_there_are_some_and_refused_where_there_are_no
         rde.BatchSimulator(plain, 3).set_draws(np.zeros(5))
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", SHAKEN)
-def test_draws_keep_the_bits_of_lanes_and_all_evaluators_draw_the_same(name):
-    assert verify(SHAKEN[name], 32, checks=CHECKS).misses == ()
-
-
-# ---- environments ----------------------------------------------------------------------------------------
-
-
-def scene_of(env_id, *effects):
-    scene = gym.make(f"redundant_envs/{env_id}").unwrapped.scene
-    return dataclasses.replace(scene, effects=(*scene.effects, *effects)).to_dict()
+# ---- environments ------------------------------------------------------------------------------------
 
 
 def test_a_step_that_is_undone_gives_its_draws_back():
     """After a bad action a lane is where it was, and a step from there draws what it would have drawn."""
-    given = {"scene": scene_of("FourRReach-v0", Shaken(), Hidden()), "on_bad_action": "terminate"}
+    given = {"scene": with_effects("FourRReach-v0", SHAKEN), "on_bad_action": "terminate"}
     env = gym.make_vec("redundant_envs/FourRReach-v0", 3, **given, autoreset_mode="disabled").unwrapped
     env.reset(seed=2)
     env.step(np.zeros((3, 4), np.float32))
@@ -196,8 +121,8 @@ def test_a_step_that_is_undone_gives_its_draws_back():
 
 @pytest.mark.long
 def test_every_episode_draws_anew_and_a_seed_gives_it_again():
-    env = gym.make("redundant_envs/FourRReach-v0", scene=scene_of("FourRReach-v0", Shaken())).unwrapped
-    names, seen = [f"shaken.push[{k}]" for k in range(4)], []
+    env = gym.make("redundant_envs/FourRReach-v0", scene=with_effects("FourRReach-v0", SHAKEN)).unwrapped
+    names, seen = [*env.core.simulator.dynamics.effect_states], []
     for seed in (1, None, 1):
         env.reset(seed=seed, options={"q": np.zeros(4)})
         seen.append(env.core.memory.read(names))
@@ -205,7 +130,7 @@ def test_every_episode_draws_anew_and_a_seed_gives_it_again():
     assert (seen[0] != seen[1]).all()
 
 
-# ---- what is refused ---------------------------------------------------------------------------------------
+# ---- what is refused ---------------------------------------------------------------------------------
 
 
 def with_states(*names, update=hidden):
@@ -213,22 +138,6 @@ def with_states(*names, update=hidden):
     states = tuple(e.State(name, "", update=update) for name in names)
     hooks = (e.Sensing(0, told, {"reading": "phi1"}, states=states),)
     return type("Odd", (e.Effect,), {"hooks": lambda self, arm: hooks})()
-
-
-def colliding():
-    """Two names of states whose streams are one."""
-    seen = {}
-    for k in itertools.count():
-        other = seen.setdefault(stream_of("odd", f"s{k}"), k)
-        if other != k:
-            return f"s{other}", f"s{k}"
-
-
-def test_streams_that_are_one_are_refused():
-    one, other = colliding()
-    rde.Scene(FOUR_R, (with_states(one),))
-    with pytest.raises(ValueError, match=rf"'odd\.{other}'.*'odd\.{one}'.*rename one of these states"):
-        rde.Scene(FOUR_R, (with_states(one, other),))
 
 
 def test_streams_are_the_same_for_ever():

@@ -31,7 +31,7 @@ def scene_with(hooks, value=1.5, fields=None, **body):
     return rde.Scene(RPRP, (dataclass(frozen=True)(own)(*values),))
 
 
-# ---- every function of every hook -------------------------------------------------------------------------
+# ---- every function of every hook --------------------------------------------------------------------
 
 FIXED = {
     e.Force: {"joint": 0}, e.Impulse: {"joint": 0}, e.Actuation: {"joint": 0}, e.Friction: {"joint": 0},
@@ -47,7 +47,7 @@ KINDS = (
     e.Field, e.Force, e.Impulse, e.Actuation, e.Friction, e.Gap, e.Sensing, e.Instant, e.State,
 )  # fmt: skip
 PARTS = [(kind, field) for kind in KINDS for field in function_fields(kind) if field != "closed"]
-"""All functions but closed forms, which have rules of their own: ``tests/lane/test_closed_forms.py``."""
+"""All functions but closed forms, which have rules of their own: ``tests/lane/test_states_of_effects.py``."""
 EVERY = pytest.mark.parametrize(("kind", "field"), PARTS, ids=lambda x: getattr(x, "__name__", x))
 
 
@@ -101,7 +101,7 @@ def test_a_function_that_cannot_act_is_refused(kind, field):
         assert short(str(error.value))
 
 
-# ---- numbers that are held elsewhere ----------------------------------------------------------------------
+# ---- numbers that are held elsewhere -----------------------------------------------------------------
 
 damping = physics(lambda rate, k: -k * rate)
 no_force = physics(lambda: 0.0)
@@ -215,7 +215,7 @@ def test_an_effect_of_two_stops_may_leave_an_end_out(numbers):
     scene_with(lambda s, arm: (e.Impact(1, ".low", ".high", ".e"),), numbers, fields)
 
 
-# ---- what is drawn, timed or counted ----------------------------------------------------------------------
+# ---- what is drawn, timed or counted -----------------------------------------------------------------
 
 GENERATOR, COUNTER, SEEN = np.random.default_rng(1), itertools.count(), []
 

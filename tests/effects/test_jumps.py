@@ -180,34 +180,6 @@ def test_the_grasp_is_at_the_first_instant_not_before_its_time():
     assert (np.argmax(taken, axis=0) + 1).tolist() == [*times.values()]
 
 
-thrown = physics(lambda held, keep: held * keep)
-
-
-@dataclass(frozen=True)
-class Thrown(e.Effect):
-    """A mass that the tip lets go, all but a share, at the end of the first interval."""
-
-    keep: float = 0.0
-
-    def hooks(self, arm):
-        state = e.State("held", "kg", update=thrown, bind={"held": ".held", "keep": ".keep"}, initial=0.8)
-        return (e.PointMass(e.Point(3), ".held", (state,)),)
-
-
-@pytest.mark.quick("4R")
-@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
-def test_a_mass_that_leaves_takes_its_energy_along_and_no_velocity_jumps(arm):
-    scene = rde.Scene(arm, (e.Gravity(), Thrown()), integrator="dop853")
-    heavy = dataclasses.replace(arm, masses=(*arm.masses[:-1], arm.masses[-1] + 0.8))
-    assert scene.loaded_robot == heavy
-    found = rde.simulate(scene, Q, QD, np.linspace(0.0, 0.1, 6))
-    expected = rde.simulate(rde.Scene(heavy, (e.Gravity(),), integrator="dop853"), Q, QD, found.t)
-    np.testing.assert_allclose(found.qd[1], expected.qd[1], atol=1e-13)
-    assert found.drift <= 1e-13
-    assert abs(found.work[1]) > 0.1
-    assert np.abs(found.qd[2] - expected.qd[2]).max() > 1e-3
-
-
 def test_a_slider_at_rest_at_its_stop_may_leave_it_where_the_arm_grasps():
     """Two sliders along one line: the object slows the second, and the first one, at its stop, is free."""
     effects = e.PrismaticStop((0.0, None), (None, None), 0.0), e.PickUp(3.0, 0.01)

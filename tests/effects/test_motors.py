@@ -1,30 +1,28 @@
-"""Motors of the package follow their equations: on one joint, whose motion is known, and on whole arms."""
+"""Motors and frictions follow their equations: on one joint, whose motion is known, and on whole arms."""
+
+import dataclasses
+import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, advanced
+from catalogue import ARMS, FOUR_R, RPRP, advanced
+from one_joint import INERTIA, METHODS, ONE, WITH, moved
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.control.computed_torque import ComputedTorque
+from redundant_envs.effects import Actuation, Effect, EffortLimits, Link, lu_gre
+from redundant_envs.effects.gear_backlash import contacts, teeth
+from redundant_envs.effects.hooks import effort_unit
+from redundant_envs.envs.named import action_table
+from redundant_envs.envs.registration import check_motors
+from redundant_envs.language.algebra import physics
 
-INERTIA = 2.0
-ONE = rde.Chain("R", (INERTIA,), (1.0,))
-"""One joint with an inertia of 2 kg m^2; there is no gravity."""
-METHODS = {
-    "rk4": {"integrator": "rk4", "substeps": 20}, "rk8": {"integrator": "rk8"}, "1e-9": {"tolerance": 1e-9},
-    "dop853": {"integrator": "dop853"},
-}  # fmt: skip
-WITH = pytest.mark.parametrize("how", METHODS.values(), ids=METHODS)
-ZERO = np.zeros((1, 1))
-
-
-def moved(effects, command=0.0, rate=0.0, intervals=1, arm=ONE, **how):
-    """A simulator of one joint after some intervals under a constant command."""
-    scene = rde.Scene(arm, effects, **how)
-    return advanced(scene, ZERO, ZERO + rate, ZERO + command, intervals=intervals)[0]
+LOCATED = pytest.mark.parametrize("how", list(METHODS.values())[2:], ids=list(METHODS)[2:])
 
 
-# ---- lag -----------------------------------------------------------------------------------------------
+# ---- lag ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
@@ -42,7 +40,7 @@ def test_a_joint_behind_a_lag_moves_as_the_lag_says(how):
     assert batch.qd[0, 0] == pytest.approx(rate, rel=1e-9)
 
 
-# ---- direct-current motors ---------------------------------------------------------------------------------
+# ---- direct-current motors ---------------------------------------------------------------------------
 
 R, L, K, N, U = 1.5, 0.003, 0.2, 5.0, 12.0
 MOTOR = e.DCMotor(R, L, K, N, 24.0)
@@ -57,7 +55,7 @@ def driven(t, inertia=INERTIA):
     return steady + (vectors * np.exp(values * t)) @ weights
 
 
-@pytest.mark.parametrize("how", list(METHODS.values())[2:], ids=list(METHODS)[2:])
+@LOCATED
 def test_a_dc_motor_speeds_up_as_its_two_equations_say(how):
     batch = moved((MOTOR,), U, intervals=3, **how)
     rate, current = driven(0.06).real
@@ -97,7 +95,7 @@ def test_actions_are_shares_of_the_supply_whatever_limits_follow():
         rde.Scene(FOUR_R, (MOTOR, type("Second", (e.DCMotor,), {"key": "second"})(R, L, K)))
 
 
-# ---- curves, zones, play ---------------------------------------------------------------------------------
+# ---- curves, zones, play -----------------------------------------------------------------------------
 
 
 @WITH
@@ -144,3 +142,271 @@ def test_play_follows_its_command_by_the_ends_of_its_gap():
 
 def test_an_armature_adds_to_the_inertia_of_its_joint():
     assert moved((e.Armature(0.5),), 5.0).qd[0, 0] == pytest.approx(5.0 * 0.02 / (INERTIA + 0.5), rel=1e-14)
+
+
+# ---- gears with backlash -----------------------------------------------------------------------------
+
+GAP, STIFFNESS, J, EFFORT = 0.04, 200.0, 0.02, 3.0
+GEAR = e.GearBacklash(GAP, STIFFNESS, J)
+WALL = rde.Chain("R", (1e12,), (1.0,))
+"""A joint so heavy that it stays where it is."""
+STEP = 0.005
+
+
+def motor(effect, u, intervals, **how):
+    """Angle and rate of the motor, and the angle of its joint, after intervals under a constant command."""
+    batch = moved((effect,), u, intervals=intervals, arm=WALL, control_dt=STEP, **how)
+    return *batch.z[0], batch.q[0, 0]
+
+
+@LOCATED
+def test_the_motor_crosses_half_the_gap_alone_and_then_oscillates_on_the_teeth(how):
+    contact = np.sqrt(GAP * J / EFFORT)
+    speed, w = EFFORT * contact / J, np.sqrt(STIFFNESS / J)
+    met = 0
+    for intervals in (1, 2, 3, 4, 6):
+        t = intervals * STEP
+        turned = (EFFORT * t**2 / (2.0 * J), EFFORT * t / J)
+        if t > contact:
+            met, s = met + 1, w * (t - contact)
+            depth = EFFORT / STIFFNESS * (1.0 - np.cos(s)) + speed / w * np.sin(s)
+            assert depth > 0.0
+            turned = (0.5 * GAP + depth, EFFORT / STIFFNESS * w * np.sin(s) + speed * np.cos(s))
+        angle, rate, joint = motor(GEAR, EFFORT, intervals, **how)
+        assert (angle, rate) == pytest.approx(turned, rel=1e-8)
+        assert joint == pytest.approx(0.0, abs=1e-12)
+    assert 0 < met < 5
+
+
+@LOCATED
+def test_a_gear_under_load_winds_up_by_half_its_gap_and_its_torque_by_its_stiffness(how):
+    damped = e.GearBacklash(GAP, STIFFNESS, J, 150.0)
+    for u in (EFFORT, -EFFORT):
+        angle, rate, _ = motor(damped, u, 200, **how)
+        assert angle == pytest.approx(np.sign(u) * 0.5 * GAP + u / STIFFNESS, rel=1e-9)
+        assert rate == pytest.approx(0.0, abs=1e-9)
+
+
+def test_teeth_never_pull_however_fast_they_part():
+    for lead, closing, torque in (
+        (0.1, 1.0, 120.0),
+        (0.1, -1.0, 0.0),
+        (-0.1, -1.0, -120.0),
+        (-0.1, 1.0, 0.0),
+    ):
+        sides = [1.0 if x >= 0.0 else -1.0 for x in contacts(lead, 0.0, 0.0)]
+        assert teeth(lead, closing, 0.0, 0.0, 0.0, STIFFNESS, 1e3, *sides) == pytest.approx(torque)
+
+
+# ---- chains: the order of links, their units, and the unit of actions --------------------------------
+
+TIMES = physics(lambda command, factor: factor * command)
+
+
+@dataclasses.dataclass(frozen=True)
+class Converter(Effect):
+    """A link of every motor that multiplies its command; it names its units."""
+
+    link: Link = Link.LAG
+    takes: str = "V"
+    gives: str = ""
+    factor: float = 0.5
+    named: str = "converter"
+    size: float = 12.0
+    asked: bool = True
+
+    static = ("link", "takes", "gives", "named", "asked")
+
+    @property
+    def key(self):
+        return self.named
+
+    def hooks(self, arm):
+        joints = range(len(arm.joints))
+        binds = ({"command": f"command{k + 1}", "factor": ".factor"} for k in joints)
+        how = {"takes": self.takes, "gives": self.gives}
+        return tuple(Actuation(k, TIMES, bind, self.link, **how) for k, bind in enumerate(binds))
+
+    def action_units(self, arm):
+        return ("size",) * len(arm.joints) if self.asked else ()
+
+    def units(self, arm):
+        return {"size": self.takes}
+
+
+SERVO, DELAY = Converter(Link.CONTROL, "rad/s", "V", named="servo"), rde.effects.CommandDelay(0.01, 0.1)
+MOTOR_LINK, LIMITS = Converter(factor=0.25, named="motor"), EffortLimits(5.0)
+
+
+@pytest.mark.parametrize("arm", [ARMS[kind] for kind in ("4R", "PPR")], ids=["4R", "PPR"])
+def test_the_command_has_the_unit_that_the_first_link_with_a_unit_takes(arm):
+    for effects, unit in (((MOTOR_LINK,), "V"), ((DELAY, SERVO, MOTOR_LINK, LIMITS), "rad/s")):
+        for order in itertools.permutations(effects):
+            assert rde.Scene(arm, order).command_units() == (unit,) * len(arm.joints)
+    efforts = tuple(effort_unit(arm, k) for k in range(len(arm.joints)))
+    for effects in ((), (DELAY,), (LIMITS, DELAY)):
+        assert rde.Scene(arm, effects).command_units() == efforts
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        ((SERVO,), "'servo' gives 'V', and the motor's effort is in 'N m'"),
+        ((MOTOR_LINK, Converter(named="other")), "'motor' gives 'N m', and 'other' behind it takes 'V'"),
+        ((LIMITS, Converter(Link.LIMITS)), "'effort_limits' gives 'N m', and 'converter' behind"),
+        ((SERVO, DELAY, LIMITS), "'servo' gives 'V', and 'effort_limits' behind it takes 'N m'"),
+    ],
+)
+def test_a_chain_whose_units_do_not_meet_is_refused(effects, said):
+    with pytest.raises(ValueError, match=said):
+        rde.Scene(FOUR_R, effects)
+
+
+def test_the_action_has_the_unit_of_the_earlier_link_in_any_order_of_the_effects():
+    for effects, unit in (((SERVO, MOTOR_LINK, LIMITS), "servo.size"), ((MOTOR_LINK, LIMITS), "motor.size")):
+        for order in itertools.permutations(effects):
+            assert rde.Scene(FOUR_R, order).action_units() == (unit,) * 4
+
+
+def test_an_environment_says_that_actions_are_shares_of_a_voltage():
+    scene = rde.load_scene("four_r_reach")
+    driven = dataclasses.replace(scene, effects=(*scene.effects, MOTOR_LINK))
+    with pytest.raises(ValueError, match=r"shares of motor\.size; the expert knows efforts alone"):
+        ComputedTorque(driven)
+    check_motors(driven)
+    table = action_table(driven)
+    assert "command at joint1 / 12 V" in table
+    assert "Unit of the command" in table
+    silent = dataclasses.replace(MOTOR_LINK, asked=False)
+    with pytest.raises(ValueError, match=r"effort_limits\.limits\[0\], which is in 'N m', and .* is in 'V'"):
+        check_motors(dataclasses.replace(driven, effects=(silent, LIMITS)))
+
+
+# ---- frictions ---------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).parents[2]
+
+
+@WITH
+@pytest.mark.parametrize("rate", [30.0, -30.0])
+def test_quadratic_friction_slows_a_joint_down_as_one_over_time(how, rate):
+    c, t = 0.4, 0.1
+    batch = moved((e.QuadraticFriction(c),), rate=rate, intervals=5, **how)
+    assert batch.qd[0, 0] == pytest.approx(rate / (1.0 + c * abs(rate) * t / INERTIA), rel=1e-9)
+
+
+# ---- smooth Coulomb friction -------------------------------------------------------------------------
+
+
+@WITH
+def test_smooth_coulomb_friction_creeps_under_a_load_below_its_level(how):
+    """At the rate e u / sqrt(c^2 - u^2): a joint under 0.9 of the level moves on at twice the speed e."""
+    level, load, speed = 2.0, 1.8, 0.05
+    batch = moved((e.SmoothCoulombFriction(level, speed),), load, intervals=1000, **how)
+    creep = speed * load / np.sqrt(level**2 - load**2)
+    assert batch.qd[0, 0] == pytest.approx(creep, rel=1e-6)
+    assert creep == pytest.approx(2.06 * speed, rel=0.01)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("seed", "tolerance"), [(3, 1e-6), (4, 1e-9)])
+def test_smooth_coulomb_friction_keeps_the_tolerance_where_a_joint_stops_or_turns(seed, tolerance):
+    lanes, dt, steps = 4096, 0.02, 800
+    rng = np.random.default_rng(seed)
+    level, load = 10 ** rng.uniform(-1.0, 1.0, lanes), rng.normal(0.0, 10.0, lanes)
+    speed, q, rate = 10 ** rng.uniform(-2.0, -0.5, lanes), rng.normal(size=lanes), rng.normal(size=lanes)
+    rate[::4] = 0.0
+    batch = rde.BatchSimulator(
+        rde.Scene(ONE, (e.SmoothCoulombFriction(1.0),), tolerance=tolerance, control_dt=dt), lanes
+    )
+    batch.set_parameters(
+        {f"smooth_coulomb_friction.{n}": x[:, None] for n, x in (("levels", level), ("speed", speed))}
+    )
+    batch.set_state(q[:, None], rate[:, None])
+    assert not batch.advance(load[:, None]).numerics.any()
+
+    def slope(v):
+        return (load - level * v / np.hypot(v, speed)) / INERTIA
+
+    h, v = dt / steps, rate
+    for _ in range(steps):
+        k1 = slope(v)
+        k2 = slope(v + 0.5 * h * k1)
+        k3 = slope(v + 0.5 * h * k2)
+        k4 = slope(v + h * k3)
+        q = q + h * (v + h / 6.0 * (k1 + k2 + k3))
+        v = v + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    assert abs(batch.q[:, 0] - q).max() <= tolerance
+
+
+# ---- LuGre -------------------------------------------------------------------------------------------
+
+CASE_34 = e.LuGre(1e5, 0.0, 0.4, 1.0, 1.5, 0.01)
+"""Bristles that forget in a microsecond at 10 rad/s."""
+STEADY = 1.0 + 0.4 * 10.0
+FLYWHEEL = rde.Chain("R", (1e12,), (1.0,))
+
+
+def friction(effect, batch):
+    """Friction of the joint in the present state, N m."""
+    numbers = (getattr(effect, name) for name in lu_gre.NUMBERS)
+    return -lu_gre.force(batch.qd[0, 0], batch.z[0, 0], *numbers)
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4", "rk8"])
+def test_stiff_bristles_have_their_steady_friction_after_a_long_step(integrator):
+    batch = moved((CASE_34,), rate=10.0, arm=FLYWHEEL, integrator=integrator, control_dt=0.01)
+    assert friction(CASE_34, batch) == pytest.approx(STEADY, rel=1e-9)
+
+
+def test_bristles_hold_a_load_below_the_stiction_as_a_spring():
+    bristles = e.LuGre(1e4, 100.0, 10.0, 1.0, 1.5, 0.01)
+    batch = moved((bristles,), 0.5, intervals=500, substeps=4)
+    assert abs(batch.qd[0, 0]) < 1e-6
+    assert friction(bristles, batch) == pytest.approx(0.5, abs=1e-3)
+    assert abs(batch.q[0, 0]) < 2e-4
+    slips = moved((bristles,), 1.7, intervals=500, substeps=4)
+    assert slips.qd[0, 0] > 0.05
+
+
+def stored_and_taken(effect, rates, h=1e-4):
+    """Energy that the bristles give back at most, and the work that friction takes, along given rates: a row
+    for each time, a column for each motion."""
+    numbers = {name: getattr(effect, name) for name in lu_gre.NUMBERS}
+    own = [numbers[name] for name in lu_gre.OF_BRISTLES]
+    z, taken, least = np.zeros((3, rates.shape[1]))
+    for rate in rates:
+        middle = lu_gre.bent(rate, z, *own, 0.5 * h)
+        taken = taken - h * rate * lu_gre.force(rate, middle, *numbers.values())
+        z = lu_gre.bent(rate, z, *own, h)
+        least = np.minimum(least, taken - 0.5 * effect.stiffness * z**2)
+    return least, taken
+
+
+@pytest.mark.long
+def test_lu_gre_friction_is_passive_with_enough_viscous_friction():
+    """sigma2 >= sigma1 (F_S - F_C) / F_C (Barabanov and Ortega 2000)."""
+    times, rng = np.arange(0.0, 1.0, 1e-4), np.random.default_rng(0)
+    size, frequency, phase = (
+        rng.normal(size=(5, 5)),
+        rng.uniform(1.0, 60.0, (5, 5)),
+        rng.uniform(0, 6, (5, 5)),
+    )
+    rates = 0.3 * (size * np.sin(frequency * times[:, None, None] + phase)).sum(axis=2)
+    least, taken = stored_and_taken(e.LuGre(500.0, 2.0, 1.0, 1.0, 1.5, 0.1), rates)
+    assert least.min() > -1e-6
+    assert taken.min() > 0.0
+
+
+@pytest.mark.long
+def test_the_page_of_smooth_coulomb_friction_has_what_it_costs():
+    """Evaluations of a control interval at a tolerance of 1e-6 m; they are the same on every machine."""
+    page = (ROOT / "docs/effects/smooth_coulomb_friction.md").read_text()
+    arm = rde.FourR((0.5,) * 4, (0.25,) * 4)
+    for speed in (0.1, 0.01, 0.001):
+        effects = e.Gravity(), e.ViscousFriction(0.05), e.SmoothCoulombFriction(0.3, speed)
+        batch, rng = rde.BatchSimulator(rde.Scene(arm, effects, tolerance=1e-6), 64), np.random.default_rng(0)
+        batch.set_state(rng.uniform(-1.5, 1.5, (64, 4)), rng.normal(size=(64, 4)))
+        efforts = (rng.uniform(-1.0, 1.0, (64, 4)) * (4.0, 3.0, 2.0, 1.0) for _ in range(5))
+        evaluations = np.mean([batch.advance(u).evaluations.mean() for u in efforts])
+        assert f"| {speed} | {evaluations:.0f} |" in page

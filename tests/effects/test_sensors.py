@@ -1,4 +1,4 @@
-"""Sensors of the package: what observations show."""
+"""Sensors of the package: what observations show, and that nothing else knows it."""
 
 import dataclasses
 
@@ -6,10 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from catalogue import FOUR_R
+from envs.faces import with_effects
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects.sensor_delay import steps_back
+from redundant_envs.language.algebra import physics, where
 
 IDS = pytest.mark.parametrize("env_id", ["FourRReach-v0", "RPRPReach-v0"])
 STEPS = 30
@@ -17,19 +19,14 @@ BIAS, SPEEDS = (0.03, -0.02, 0.05, 0.01), (0.2, -0.1, 0.3, 0.05)
 WIDTHS = np.array((0.02, 0.05, 0.01, 0.03))
 
 
-def scene_with(env_id, *effects):
-    scene = gym.make(f"redundant_envs/{env_id}").unwrapped.scene
-    return dataclasses.replace(scene, effects=(*scene.effects, *effects)).to_dict()
-
-
 def made(env_id, *effects):
     """An environment whose scene has some effects more."""
-    return gym.make(f"redundant_envs/{env_id}", scene=scene_with(env_id, *effects))
+    return gym.make(f"redundant_envs/{env_id}", scene=with_effects(env_id, *effects))
 
 
 def many(env_id, *effects, count=4096):
     """Such a vector, after a reset, and how to read its states of sensors."""
-    env = gym.make_vec(f"redundant_envs/{env_id}", count, scene=scene_with(env_id, *effects))
+    env = gym.make_vec(f"redundant_envs/{env_id}", count, scene=with_effects(env_id, *effects))
     env.reset(seed=0)
     core = env.unwrapped.core
     return env, lambda: core.memory.read([*core.simulator.dynamics.effect_states])
@@ -95,10 +92,7 @@ def test_observations_are_those_of_an_arm_whose_joints_are_where_a_sensor_shows_
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("effects", "expected"),
-    [
-        ((e.SensorBias(0.02), e.Quantisation(0.1)), 0.2),
-        ((e.Quantisation(0.1), e.SensorBias(0.02)), 0.12),
-    ],
+    [((e.SensorBias(0.02), e.Quantisation(0.1)), 0.2), ((e.Quantisation(0.1), e.SensorBias(0.02)), 0.12)],
 )
 def test_sensors_act_in_the_order_of_the_scene(effects, expected):
     obs, _ = made("FourRReach-v0", *effects).reset(seed=0, options={"q": [0.14] * 4, "qd": [0.0] * 4})
@@ -163,3 +157,43 @@ def test_samples_are_dropped_as_often_as_they_should():
     same = states() == before
     assert abs(same.mean() - 0.3) < 4.0 * np.sqrt(0.21 / same.size)
     assert np.abs(np.corrcoef(same.T) - np.eye(8)).max() < 4.0 / 64.0
+
+
+def test_motion_reward_and_info_know_the_truth():
+    rows = []
+    for effects in ((), (e.SensorBias(0.05), e.SensorDelay(0.05, 0.1))):
+        env = made("FourRGoalReach-v0", *effects)
+        obs, info = env.reset(seed=4)
+        rows.append([(env.unwrapped.q, obs, 0.0, info)])
+        for action in np.random.default_rng(3).uniform(-1.0, 1.0, (STEPS, 4)).astype(np.float32):
+            obs, reward, _, _, info = env.step(action)
+            rows[-1].append((env.unwrapped.q, obs, reward, info))
+    for (q, one, reward, info), (other_q, other, other_reward, told) in zip(*rows, strict=True):
+        np.testing.assert_array_equal(other_q, q)
+        assert other_reward == reward
+        assert told == pytest.approx(info, rel=1e-13, abs=1e-15)  # may be rounded differently
+        assert np.abs(one["observation"] - other["observation"]).max() > 0.01
+
+
+broken_above = physics(lambda phi1, limit: where(phi1 < limit, phi1, 1e300 * phi1 * 1e300))
+
+
+@dataclasses.dataclass(frozen=True)
+class Broken(e.Effect):
+    limit: float
+
+    def hooks(self, arm):
+        return (e.Sensing(0, broken_above, {"limit": ".limit"}),)
+
+
+@pytest.mark.quick("0.31-1")
+@pytest.mark.parametrize(("limit", "fault"), [(0.31, rde.Numerics.NON_FINITE), (9.0, 0)])
+def test_a_reading_that_is_no_number_is_a_fault(limit, fault):
+    rde.register_effect(Broken)
+    env = made("FourRReach-v0", Broken(limit))
+    env.reset(seed=0, options={"q": [0.3] * 4, "qd": [2.0] * 4})
+    obs, _, terminated, _, info = env.step(np.zeros(4, np.float32))
+    assert terminated == bool(fault)
+    _, start = env.reset(seed=0, options={"q": [0.4] * 4})
+    assert (info["numerics"], start["numerics"]) == (fault, fault)
+    assert env.observation_space.contains(obs)

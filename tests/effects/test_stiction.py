@@ -155,24 +155,6 @@ def single(*effects, level=0.7, **how):
     return rde.Scene(arm, (joint, *effects), **(how or {"integrator": "dop853"}))
 
 
-@pytest.mark.long
-@EXACTLY
-def test_an_oscillator_loses_the_same_way_in_each_half_cycle(how):
-    k, level, turns = 20.0, 0.7, 14
-    spring = e.TwoStageSpring("joint4", -2.0, 2.0, k, k)
-    made = single(spring, level=level, control_dt=np.pi * np.sqrt(INERTIA / k), **how)
-    batch, _ = advanced(made, joints_at(made.robot, (0.0, 0.0, 0.0, 1.0)), np.zeros(4), intervals=0)
-    amplitude = 1.0
-    for n in range(turns + 2):
-        batch.advance()
-        amplitude = amplitude - 2.0 * level / k if amplitude > level / k else amplitude
-        position, rate = (x[0] @ made.robot.motor_map for x in (batch.q, batch.qd))
-        assert position[3] == pytest.approx((-1.0) ** (n + 1 if n < turns else turns) * amplitude, abs=1e-12)
-        assert abs(rate[3]) < 1e-10
-    assert amplitude <= level / k
-    assert rate[3] == 0.0
-
-
 SLIDER = rde.Chain("P", (2.0,), ())
 
 
@@ -279,18 +261,3 @@ def test_how_low_a_bounce_ends_in_rest_follows_from_the_tolerance(tolerance, bou
 
 
 # ---- whole arms ---------------------------------------------------------------------------------------
-
-
-def test_how_late_a_rest_is_found_costs_no_accuracy():
-    """A slider far out has a friction of 18 N: until its rest was found, the arm was pushed as if it slid.
-    Another program found the tip."""
-    masses = (1.2772558680633215, 0.5548617605105043, 0.6257547466951878, 1.673352399063898)
-    levels = (0.2069690005405073, 0.27837445757698187, 18.12562398179966, 0.40379153177170973)
-    q = (0.32169516416062327, -0.4074025178083903, -1.7915379719100903, 8.730343997802555)
-    qd = (-0.03594581262447852, -0.0, 0.18908114944385543, 0.4204891821900181)
-    efforts = (0.882947420728567, 1.9721354123439192, -3.254420578037593, 1.5828399664206532)
-    arm = rde.Chain("RPRP", masses, (0.2954454083497294, 0.9937503258505889))
-    made = rde.Scene(arm, (e.CoulombFriction(levels),), control_dt=0.1, tolerance=1e-6, actuation="joint")
-    batch, _ = advanced(made, q, qd, efforts)
-    tip = (-2.066342308202145, -9.607815077491992)
-    np.testing.assert_allclose(arm.forward_kinematics(batch.q)[0], tip, rtol=0.0, atol=1e-9)

@@ -1,5 +1,7 @@
 """Every kind of environment by one name, and what tests do with all of them: begin, step, compare."""
 
+import dataclasses
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -21,6 +23,12 @@ RANGES = {
     "hold_steps": {"choice": [3, 5, 8]},
 }
 """Of every form, for numbers with entries and without."""
+
+
+def with_effects(env_id, *effects):
+    """The data of the scene of an id with some effects more."""
+    scene = gym.make(f"redundant_envs/{env_id}").unwrapped.scene
+    return dataclasses.replace(scene, effects=(*scene.effects, *effects)).to_dict()
 
 
 def drawing(randomize=RANGES, name="four_r_reach"):

@@ -6,45 +6,11 @@ import numpy as np
 import pytest
 from faces import FOUR_R, MODES, actions, begin, flat, made, refused, running
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
-
-import redundant_envs as rde
+from stable_baselines3.common.vec_env import DummyVecEnv
 
 SHORT = 3
 """Control steps of an episode."""
 NEW = {"parameters": {"goal_tolerance": 0.2}}
-WAYS = {
-    "set_options": lambda env: env.set_options(NEW),
-    "a list": lambda env: env.set_options([NEW] * env.num_envs),
-    "env_method": lambda env: env.env_method("set_options", NEW),
-    "set_attr": lambda env: env.set_attr("goal_tolerance", 0.2),
-}
-
-
-class Curriculum(BaseCallback):
-    """Sets a number once, in the middle of an episode; notes what is in force at every step."""
-
-    def __init__(self, way):
-        super().__init__()
-        self.way, self.seen = way, []
-
-    def _on_step(self):
-        if self.n_calls == 2:
-            self.way(self.training_env)
-        self.seen.append(self.training_env.get_attr("goal_tolerance"))
-        return True
-
-
-@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
-def test_a_callback_changes_numbers_while_stable_baselines3_learns(way):
-    env = VecNormalize(VecMonitor(rde.make_sb3(FOUR_R, 2, monitor=False, max_episode_steps=SHORT)))
-    curriculum = Curriculum(way)
-    PPO("MlpPolicy", env, n_steps=8, batch_size=16, n_epochs=1, device="cpu").learn(16, callback=curriculum)
-    begins = SHORT - 1  # seen after the step that begins the next episode
-    assert np.unique(curriculum.seen[:begins]) == [0.02]
-    assert np.unique(curriculum.seen[begins:]) == [0.2]
 
 
 OF_VECTORS = {

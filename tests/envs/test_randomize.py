@@ -198,13 +198,6 @@ def test_observations_end_with_the_numbers_that_are_asked_for(kind):
     assert (begin(fixed)[..., -11:] == expected).all()
 
 
-def test_goal_environments_observe_them_beside_the_goals():
-    env = made("sb3", GOAL, scene=drawing(OF_GOALS), observe_parameters=("gravity.g",))
-    observation = begin(env, seed=1)["observation"]
-    np.testing.assert_array_equal(observation[:, -1], np.float32(env.parameters["gravity.g"].value))
-    assert env.observation_space["observation"].high[-1] == 10.0
-
-
 REFUSED = {
     "randomize is None; True draws the ranges of the scene, False": (FOUR_R, {"randomize": None}),
     "observe_parameters is 'gravity.g'; give names": (FOUR_R, {"observe_parameters": "gravity.g"}),

@@ -170,18 +170,6 @@ def test_options_and_seeds_of_some_kinds_of_environments(kind, given, words):
     refused(running(kind), lambda env: begin(env, **given), words)
 
 
-def test_a_number_that_python_writes_in_no_message_is_refused():
-    huge = 10**5000
-    for call in (
-        lambda: rde.make_sb3(FOUR_R, -huge),
-        lambda: gym.make_vec(FOUR_R, num_envs=-huge),
-        lambda: gym.make(FOUR_R, render_width=huge),
-        lambda: gym.make(FOUR_R).reset(seed=-huge),
-    ):
-        with pytest.raises(ValueError, match=r"\w+ is <int.*; give "):
-            call()
-
-
 def test_the_action_of_a_lane_that_begins_anew_is_ignored():
     env = running("next_step", on_bad_action="raise", max_episode_steps=3)
     bad = np.full((3, 4), NAN, np.float32)

@@ -98,6 +98,16 @@ def test_an_id_without_a_limit_has_none(mode):
         del gym.registry[name]
 
 
+@pytest.mark.parametrize("limit", [100, 2**53])
+def test_an_episode_is_truncated_at_its_limit_exactly(limit):
+    """Its count set to two steps before: float64 counts exactly that far."""
+    env = made("next_step", FOUR_R, 2, max_episode_steps=limit)
+    env.reset(seed=0)
+    env.core.memory.write(("steps",), float(limit - 2))
+    truncated = [env.step(np.zeros((2, 4), np.float32))[3].tolist() for _ in range(2)]
+    assert truncated == [[False, False], [True, True]]
+
+
 @pytest.mark.long
 def test_importing_and_drawing_import_nothing_heavy():
     made = "e = gymnasium.make('redundant_envs/RPRPReach-v0', render_mode='rgb_array'); e.reset(); e.render()"

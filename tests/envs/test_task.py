@@ -3,7 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
-from faces import FOUR_R, ID, actions, begin, made, motion, running
+from faces import FOUR_R, ID, actions, begin, made, running
 
 import redundant_envs as rde
 from redundant_envs.envs.core import start_ranges
@@ -163,13 +163,6 @@ def test_an_early_end_takes_back_what_was_paid_and_says_so(plain_id):
     assert sum(rewards) + reward == pytest.approx(0.0, abs=1e-12)
     paid = sum(v for k, v in info.items() if k.startswith("return_") and k != "return_end")
     assert info["return_end"] == pytest.approx(-paid, abs=1e-12)
-
-
-def test_a_reset_with_them_gives_the_bits_of_an_environment_made_with_them():
-    numbers = {"goal_tolerance": 0.1, "hold_speed": 0.5, "rate_scale": 2.0, "outer": 0.6}
-    one, other = made("single", task=numbers), made("single")
-    np.testing.assert_array_equal(begin(one, seed=4), begin(other, {"parameters": numbers}, seed=4))
-    assert motion(one) == motion(other)
 
 
 def test_accuracy_chooses_the_tolerance():

@@ -245,17 +245,3 @@ def test_same_step_tells_the_fault_in_the_final_info():
     assert infos["final_info"]["numerics"][0] == rde.Numerics.BAD_ACTION
     assert infos["_final_info"].tolist() == [True, False]
     assert infos["numerics"].tolist() == [0, 0]
-
-
-@pytest.mark.parametrize("what", ["an action with a NaN or an infinity", "a velocity beyond the speed bound"])
-def test_a_neighbour_of_trouble_keeps_its_bits(what):
-    given, rows = TROUBLES[what][0], []
-    for trouble in (True, False):
-        env = made("next_step", f"redundant_envs/{given.arms[0]}Reach-v0", 2)
-        begin(env, seed=0)
-        if trouble and given.options:
-            env.reset(options={**given.options, "reset_mask": np.array([True, False])})
-        first = given.actions[0] if trouble and given.actions else np.zeros(4, np.float32)
-        still = np.zeros(4, np.float32)
-        rows.append([[x[1] for x in env.step(np.stack([a, still]))[:4]] for a in (first, still, still)])
-    np.testing.assert_equal(*rows)

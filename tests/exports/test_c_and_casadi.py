@@ -12,10 +12,8 @@ from foreign import accelerations
 from refusals import refusal, short
 
 import redundant_envs as rde
-from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.exports.files import document, write
 from redundant_envs.exports.motion import smooth_scene
-from redundant_envs.language.algebra import physics, where
 from redundant_envs.scenes.scene import scene_names
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -126,33 +124,6 @@ def test_casadi_differentiates_a_scene(ca):
     (state,) = states(FOUR_R, 1)
     expected = np.linalg.solve(FOUR_R.mass_matrix(state[0]), FOUR_R.motor_map)
     np.testing.assert_allclose(np.array(slope(*state)), expected, rtol=1e-9)
-
-
-@physics
-def one_sided(position, rate, k):
-    return where((position > 0.0) & (rate > 0.0) | (position > 2.0), -k * rate, 0.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class OneSided(Effect):
-    """A brake in one direction, on one side."""
-
-    k: float = 2.0
-
-    def hooks(self, arm):
-        return (Force(0, one_sided, {"position": "phi1", "rate": "phid1", "k": ".k"}),)
-
-
-@NEEDS_C
-def test_laws_of_users_with_several_conditions_are_the_same_everywhere(ca, tmp_path):
-    scene = rde.Scene(FOUR_R, (OneSided(),))
-    write(scene, "casadi", tmp_path / "arm.casadi")
-    function = ca.Function.load(str(tmp_path / "arm.casadi"))
-    library = compiled(tmp_path, document(scene, "c").content)
-    for state in states(FOUR_R, 50):
-        expected = ours(scene, *state)
-        assert difference(called(library.FourR_accelerations, *state), expected) < 1e-12
-        assert difference(np.array(function(*state)[0]), expected) < 1e-12
 
 
 @pytest.mark.parametrize("form", ["c", "casadi"])

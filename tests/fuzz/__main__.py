@@ -1,25 +1,23 @@
 """``python -m tests.fuzz --minutes 10 --seed 0`` fuzzes as long as asked; ``--replay FILE`` plays one."""
 
 import argparse
+import itertools
 import json
-import multiprocessing
 import os
 import secrets
 import sys
-from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
+import time
+import warnings
 from pathlib import Path
 
-from . import cases
-from .invariants import NAMES
-from .running import judged, worker
+from .judging import NAMES
+from .running import judged, read, run
 
 
 def main(arguments=None):
     parser = argparse.ArgumentParser("python -m tests.fuzz", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=None, help="without one, a fresh one is printed")
-    parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("runs/fuzz"))
     parser.add_argument("--replay", type=Path, help="a file of a failure, to be played again")
     parser.add_argument("--only", nargs="+", default=(), choices=sorted(NAMES), help="promises to judge")
@@ -27,20 +25,17 @@ def main(arguments=None):
     # It compiles many kernels, which must not replace those of the user and of the tests.
     os.environ.setdefault("REDUNDANT_ENVS_CACHE", str(given.out / "kernels"))
     if given.replay is not None:
-        found = judged(cases.read(given.replay), only=given.only)
+        found = judged(read(given.replay), only=given.only)
         for v in found:
             print(f"{v.invariant}: call {v.call}, lane {v.lane}: {v.found}")
         print("it fails" if found else "it does not fail")
         return int(bool(found))
     seed = secrets.randbelow(2**31) if given.seed is None else given.seed
     print(f"fuzz: seed {seed}", file=sys.stderr)
-    rest = (given.processes, given.minutes, given.out, given.only)
-    with ProcessPoolExecutor(given.processes, multiprocessing.get_context("spawn")) as pool:
-        waiting = [pool.submit(worker, seed, first, *rest) for first in range(given.processes)]
-        parts = [part.result() for part in waiting]
-    tally = sum((own for own, _ in parts), Counter())
-    files = [path.name for _, paths in parts for path in paths]
-    data = {"seed": seed, "minutes": given.minutes, **tally, "files": files}
+    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy warns of overflows; the cases provoke them
+    end = time.monotonic() + 60.0 * given.minutes
+    tally, files = run(seed, itertools.count(), end, given.out, given.only)
+    data = {"seed": seed, "minutes": given.minutes, **tally, "files": [path.name for path in files]}
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / "summary.json"
     path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

@@ -1,30 +1,43 @@
-"""Cases drawn one after another, for a given time; each failure becomes a small file."""
+"""Cases drawn one after another, for a given time; each failure becomes a file.
 
-import os
+A case is a mapping with "scene", "num_envs", "threads" and "calls": the first sets the states of its lanes,
+the others advance them under efforts; "rows" has a row for each lane.
+"""
+
+import json
 import sys
 import time
 import traceback
-import warnings
 from collections import Counter
-from itertools import count
 
-from . import cases
-from .cases import Violation
-from .drawing_calls import drawn
-from .invariants import violations
+import numpy as np
+
+from .drawing import drawn
+from .judging import Violation, violations_of
 
 HARNESS = "the_case_is_played"
 """The name of the failure of a case that could not be judged: an exception outside its calls."""
 KEPT = 5
 """Most failures of one invariant that become files."""
-SECONDS = 40.0
-"""Time after which a case is small enough."""
+
+
+def write(case, path):
+    """A file with one line for each call, so that it can be read and shortened by hand."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = [f" {json.dumps(k)}: {json.dumps(v)}" for k, v in case.items() if k != "calls"]
+    calls = ",\n".join(f"  {json.dumps(c)}" for c in case["calls"])
+    path.write_text("{\n" + ",\n".join(lines) + f',\n "calls": [\n{calls}\n ]\n}}\n', encoding="utf-8")
+
+
+def read(path):
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def judged(case, tally=None, only=()):
-    """The violations of a case of any kind; ``only`` those of some promises."""
+    """The violations of a case; ``only`` those of some promises."""
     try:
-        return violations(case, tally, only)
+        with np.errstate(all="ignore"):
+            return violations_of(case, Counter() if tally is None else tally, only)
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__} at {place.name}, line {place.lineno}: {error}"
@@ -33,73 +46,17 @@ def judged(case, tally=None, only=()):
 
 def run(seed, numbers, end, out, only=()):
     """Counts, and files of failures in a folder, of cases of a seed until a time of ``time.monotonic``."""
-    tally, files, parent = Counter(), [], os.getppid()
+    tally, files = Counter(), []
     for number in numbers:
         if time.monotonic() > end:
             break
-        if os.getppid() != parent:
-            sys.exit("fuzz: who asked for it is gone")
         case = drawn(seed, number)
         failures = {v.invariant: v for v in reversed(judged(case, tally, only))}
         for kind, violation in failures.items():
             tally[f"{kind} failed"] += 1
             if tally[f"{kind} failed"] <= KEPT:
-
-                def again(case, kind=kind):
-                    return next((v for v in judged(case, only=(kind,)) if v.invariant == kind), None)
-
-                small = minimised(case, again)
                 files.append(out / f"{kind}-{seed}-{number}.json")
-                found = (again(small) or violation).found
-                cases.write({"fails": kind, "found": found, **small}, files[-1])
+                write({"fails": kind, "found": violation.found, **case}, files[-1])
         told = f"fuzz: case {number}, {tally['intervals']} intervals: {', '.join(failures) or 'good'}"
         print(told, file=sys.stderr, flush=True)
     return tally, files
-
-
-def worker(seed, first, stride, minutes, out, only):
-    """Run the cases first, first + stride, ... of a seed in a process of their own."""
-    warnings.simplefilter("ignore", RuntimeWarning)  # NumPy warns of overflows; the cases provoke them
-    return run(seed, count(first, stride), time.monotonic() + 60.0 * minutes, out, only)
-
-
-# ---- small cases ----------------------------------------------------------------------------------------
-
-
-def fewer_lanes(case):
-    """Halves, quarters, ... of the lanes, and all but one of them."""
-    every, size = list(range(case["num_envs"])), case["num_envs"] // 2
-    while size >= 1:
-        for first in every[::size]:
-            part = every[first : first + size]
-            yield part
-            yield [k for k in every if k not in part]
-        size //= 2
-
-
-def smaller(case):
-    """With fewer lanes, calls (the first begins the motion) and effects, and with plain numbers."""
-    yield from (cases.with_lanes(case, lanes) for lanes in fewer_lanes(case))
-    yield from (cases.without_calls(case, [k]) for k in reversed(range(1, len(case["calls"]))))
-    scene, robot = case["scene"], case["scene"]["robot"]
-    effects = scene["effects"]
-    changes = [{"effects": effects[:k] + effects[k + 1 :]} for k in range(len(effects))]
-    changes += [{"actuation": "joint"}, {"control_dt": 0.02}, {"substeps": 1}]
-    changes += [{"robot": {**robot, n: [0.5] * len(robot[n])}} for n in ("masses", "lengths")]
-    yield {**case, "threads": 1}
-    yield from ({**case, "scene": {**scene, **change}} for change in changes)
-
-
-def minimised(case, fails, seconds=SECONDS):
-    """The smallest case found that fails as this one does; a case that cannot be played does not fail."""
-    end = time.monotonic() + seconds
-
-    def fails_too(made):
-        try:
-            return time.monotonic() < end and made != case and fails(made)
-        except Exception:  # without a lane or an effect a scene or a call may be impossible
-            return False
-
-    while found := next(filter(fails_too, smaller(case)), None):
-        case = found
-    return case

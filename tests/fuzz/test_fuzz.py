@@ -9,15 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import redundant_envs as rde
 from redundant_envs.compiler.backends import cache
 from studies.drawing import drawn_arm, own_effects
 
-from . import cases
-from .drawing_calls import AUTORESETS, drawn
-from .drawing_scenes import drawn_scene
-from .invariants import COSTLY, NAMES
-from .running import judged, minimised, run
+from .drawing import drawn, drawn_scene
+from .running import judged, read, run, write
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "runs" / "fuzz"
@@ -34,7 +30,7 @@ def kernels_of_its_own(monkeypatch):
 @pytest.mark.long
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
-    tally, files = run(0, (1, 2, 3, 4, 7, 9, 12), math.inf, OUT)
+    tally, files = run(0, (2, 4, 7, 9, 12), math.inf, OUT)
     told = "\n".join(f"python -m tests.fuzz --replay {path}" for path in files)
     assert not files, f"{tally}; each failure is a file:\n{told}"
     assert tally["intervals"] > 100
@@ -52,34 +48,17 @@ def test_the_command_counts_what_it_did(tmp_path):
 @pytest.mark.usefixtures("kernels_of_its_own")
 @pytest.mark.parametrize("path", sorted((HERE / "found").glob("*.json")), ids=lambda path: path.stem)
 def test_mended_failures_stay_mended(path):
-    assert judged(cases.read(path)) == []
+    assert judged(read(path)) == []
 
 
-COMMON = {
-    "face": "vector", "num_envs": 3, "max_episode_steps": 6, "task": {}, "autoreset_mode": "next_step",
-    "goal": False, "on_bad_action": "terminate",
-}  # fmt: skip
-FACES = {"goal": COMMON | {"goal": True, "on_bad_action": "raise"}}
-FACES |= {mode: COMMON | {"autoreset_mode": mode} for mode in AUTORESETS}
-
-
-@pytest.mark.quick("goal-0", "next_step-0")
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("face", FACES)
-def test_no_order_of_calls_breaks_a_promise(face, seed):
-    """Of a scene of the package, which is compiled once."""
-    case = drawn(seed, 0, rde.load_scene("rprp_reach"), 20, **FACES[face])
-    assert judged(case, only=NAMES - COSTLY) == [], case
-
-
-# ---- drawing, files, making small -----------------------------------------------------------------------
+# ---- drawing, files, making small --------------------------------------------------------------------
 
 
 def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):
     for number in range(6):
         texts = [repr(drawn(3, number)) for _ in range(2)]
-        cases.write(drawn(3, number), tmp_path / "case.json")
-        assert {*texts, repr(cases.read(tmp_path / "case.json"))} == {texts[0]}
+        write(drawn(3, number), tmp_path / "case.json")
+        assert {*texts, repr(read(tmp_path / "case.json"))} == {texts[0]}
     assert drawn(4, 0) != drawn(3, 0)
 
 
@@ -94,23 +73,3 @@ def test_every_effect_and_every_way_to_step_is_drawn():
     arms = [drawn_arm(rng) for _ in range(1000)]
     assert max(max(arm.masses) / min(arm.masses) for arm in arms) > 1e10
     assert max(max(arm.lengths) / min(arm.lengths) for arm in arms) > 1e5
-
-
-def test_a_failing_case_is_made_small():
-    """To the one lane, the one call and the one effect that it needs."""
-    case = next(c for c in (drawn(5, n) for n in range(0, 100, 5)) if c["num_envs"] > 8)
-    case["scene"]["effects"] = [{"type": "Gravity"}, {"type": "ViscousFriction"}]
-    case["calls"] += [{"call": "copy"}, {"call": "save"}]
-    case["calls"][0]["rows"]["q"][4][0] = 77.0
-
-    def fails(c):
-        return (
-            any(row[0] == 77.0 for row in c["calls"][0]["rows"]["q"])
-            and {"type": "ViscousFriction"} in c["scene"]["effects"]
-            and {"call": "copy"} in [{"call": call["call"]} for call in c["calls"]]
-        )
-
-    small = minimised(case, fails)
-    assert (small["num_envs"], small["threads"]) == (1, 1)
-    assert small["scene"]["effects"] == [{"type": "ViscousFriction"}]
-    assert [call["call"] for call in small["calls"]] == ["set_state", "copy"]

@@ -1,7 +1,4 @@
-"""The harness of hard cases: rows that simulate a motion of a subject and ask for figures of it.
-
-Measured of this package every figure must keep its bound; measured of a naive variant, one must miss it.
-"""
+"""The harness of hard cases: rows that simulate a motion and ask for figures of it, each with its bound."""
 
 import dataclasses
 import math
@@ -18,8 +15,6 @@ import redundant_envs as rde
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.verify.promises import Promise, at_most
 from tests.exact_numbers import exactly
-
-from . import naive
 
 THEMES = yaml.safe_load(Path(__file__).with_name("cases.yaml").read_text(encoding="utf-8"))
 """Heading of the page -> its cases by their numbers, in the order of the page."""
@@ -43,7 +38,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case: its words in ``cases.yaml``, and its rows, which are functions of a subject."""
+    """A hard case: its words in ``cases.yaml``, and its rows, functions that give figures."""
 
     number: str
     theme: str
@@ -51,23 +46,24 @@ class Case:
     hard: str
     naive: str
     rows: tuple
-    caught: tuple = ()  # naive variants that fail it
     mujoco: str = ""
-    compared: bool = False  # also measured of MuJoCo
 
-    @property
-    def name(self):
-        return f"case {self.number}, {self.title}"
+    def figures(self):
+        return [figure for row in self.rows for figure in row()]
 
-    @property
-    def variants(self):
-        return [getattr(naive, name) for name in self.caught]
 
-    def figures(self, subject):
-        """Figures of a subject; variants overflow and divide by zero, which shows in their figures."""
-        with np.errstate(all="ignore"):
-            for row in self.rows:
-                yield from row(subject)
+@dataclass
+class Motion:
+    """States at the ends of control intervals, and the status of the intervals."""
+
+    q: np.ndarray  # (intervals + 1, lanes, joints), as qd
+    qd: np.ndarray
+    numerics: np.ndarray  # (lanes,): faults of all intervals
+    evaluations: np.ndarray  # (intervals, lanes)
+    events: list  # at stops, in the order in which they were reported
+
+    def impacts(self, joint=None, lane=0):
+        return [x for x in self.events if "impact" in x.kind and x.lane == lane and joint in (None, x.joint)]
 
 
 # ---- rows -------------------------------------------------------------------------------------------------
@@ -84,34 +80,48 @@ class Asked:
 
 @dataclass(frozen=True)
 class Run:
-    """A motion, and the figures that are asked of it."""
+    """A motion over control intervals, and the figures that are asked of it."""
 
     scene: rde.Scene
     q: Any
     qd: Any
     intervals: int
-    asked: tuple[Asked, ...]
-    efforts: Any = None
+    asked: tuple[Asked, ...] = ()
+    efforts: Any = None  # or a function of the number of an interval
     name: str = ""  # before those of the figures
-    longest: float | None = None  # step of variants with equal steps, s
 
-    def motion(self, subject):
-        if self.longest is not None:
-            subject.longest = self.longest
-        return subject.motion(self.scene, self.q, self.qd, self.intervals, self.efforts)
+    def started(self, scene):
+        """A simulator at the start, which tells events."""
+        q, qd = np.broadcast_arrays(np.atleast_2d(np.asarray(self.q, float)), np.asarray(self.qd, float))
+        batch = rde.BatchSimulator(scene, len(q), track_work=True)
+        batch.set_state(q, qd)
+        return batch
 
-    def __call__(self, subject):
-        motion = self.motion(subject)
+    def advance(self, batch, k):
+        efforts = self.efforts(k) if callable(self.efforts) else self.efforts
+        return batch.advance(np.broadcast_to(0.0 if efforts is None else efforts, batch.q.shape))
+
+    def motion(self):
+        batch = self.started(self.scene)
+        states, status, events = [(batch.q, batch.qd)], [], []
+        for k in range(self.intervals):
+            status.append(self.advance(batch, k))
+            events += batch.events(k * self.scene.control_dt)
+            states.append((batch.q, batch.qd))
+        faults = np.bitwise_or.reduce([x.numerics for x in status])
+        evaluations = np.array([x.evaluations for x in status])
+        return Motion(*map(np.array, zip(*states, strict=True)), faults, evaluations, events)
+
+    def __call__(self):
+        motion = self.motion()
         for one in self.asked:
             yield Figure(self.name + one.name, float(one.number(self, motion)), one.promise)
 
     def fine_end(self, substeps):
         """A simulator at the end of the motion in many equal steps."""
-        fine = dataclasses.replace(self.scene, tolerance=None, substeps=substeps)
-        batch = rde.BatchSimulator(fine, len(np.atleast_2d(self.q)), track_work=True)
-        batch.set_state(self.q, self.qd)
-        for _ in range(self.intervals):
-            batch.advance(None if self.efforts is None else np.atleast_2d(self.efforts))
+        batch = self.started(dataclasses.replace(self.scene, tolerance=None, substeps=substeps))
+        for k in range(self.intervals):
+            self.advance(batch, k)
         return batch
 
 
@@ -127,13 +137,13 @@ class Accelerations:
     bound: float = 1e-14
     name: str = ""
 
-    def __call__(self, subject):
+    def __call__(self):
         promise = at_most(self.bound, "of the largest acceleration")
-        yield Figure(f"{self.name}the error of qdd", self.error(subject), promise)
+        yield Figure(f"{self.name}the error of qdd", self.error(), promise)
 
-    def error(self, subject):
+    def error(self):
         state = (np.array(x, float) for x in (self.q, self.qd, self.Q))
-        found, exact = subject.accelerations(self.arm, *state, self.g), self.exact()
+        found, exact = self.arm.forward_dynamics(*state, self.g), self.exact()
         if not np.isfinite(found).all():
             return math.nan
         with mpmath.workdps(60):

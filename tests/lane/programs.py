@@ -15,8 +15,6 @@ from pathlib import Path
 
 import redundant_envs as rde
 from redundant_envs.compiler.tracing.graph import Operation, Value, bits_of, reached
-from redundant_envs.effects import hooks
-from redundant_envs.language.algebra import physics
 from redundant_envs.model import programs
 from redundant_envs.model.programs import Simulator
 from redundant_envs.scenes.scene import scene_names
@@ -24,25 +22,10 @@ from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.checks import check_task
 from tests import catalogue
 from tests.catalogue import FOUR_R, RPRP, delays, dry_friction, joint_stops, springs, stops
+from tests.outside.wall import Wall
 
 e = rde.effects
 RECORD = Path(__file__).with_name("programs.json")
-
-
-@physics
-def gap_to_wall(tip_x, place):
-    return place - tip_x
-
-
-@dataclasses.dataclass(frozen=True)
-class Wall(hooks.Effect):
-    """A rigid wall for the tip: a boundary that is not of a joint."""
-
-    place: float = 0.9
-    restitution: float = 0.5
-
-    def hooks(self, arm):
-        return (hooks.Gap(gap_to_wall, ".restitution", {"place": ".place"}),)
 
 
 def together() -> Iterator[tuple[str, rde.Scene]]:

@@ -105,10 +105,7 @@ def lines_of_functions(path):
     return found
 
 
-SHOWN = {
-    "rk4": scene(FOUR_R, EFFECTS["FourR"]),
-    "stops": scene(RPRP, EFFECTS["RPRP"], "rk8", tolerance=1e-6),
-}
+SHOWN = {"rk4": scene(FOUR_R, EFFECTS["FourR"]), "stops": scene(RPRP, EFFECTS["RPRP"], "rk8", tolerance=1e-6)}
 
 
 @pytest.mark.quick("rk4")

@@ -58,25 +58,6 @@ def test_parameters_are_real_numbers_on_every_face(faces, face, what):
             faces["sb3"]("gravity.g", 9.81)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("what", [w for w in NONE if w != "nothing"])
-def test_starts_and_efforts_are_real_numbers(what):
-    scene, value, ones, none = rde.load_scene(SCENE), NONE[what], [0.1] * 4, np.zeros(4)
-    batch = rde.BatchSimulator(scene, 2)
-    for call in (
-        lambda: batch.set_state(value, none),
-        lambda: batch.advance(value),
-        lambda: rde.simulate(scene, value, none, [0.02]),
-        lambda: rde.simulate(scene, ones, none, [0.02], efforts=value),
-        lambda: rde.simulate(scene, ones, none, [0.02], efforts=lambda t, q, qd: value),
-        lambda: rde.simulate(scene, ones, none, value),
-        lambda: gym.make(ENV).reset(options={"q": value}),
-        lambda: gym.make(ENV).reset(options={"goal": value}),
-    ):
-        with pytest.raises(ValueError, match="give"):
-            call()
-
-
 @physics
 def damping(rate, k):
     return -k * rate

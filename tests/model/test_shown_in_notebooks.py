@@ -88,22 +88,6 @@ class Hostile(rde.Arm):
     kind = HOSTILE
 
 
-@dataclass(frozen=True)
-class Untold(rde.Arm):
-    joint_types = "RR"
-    functions = (links,)
-
-    def points(self, q):
-        raise RuntimeError("no")
-
-    def __repr__(self):
-        raise RuntimeError("neither")
-
-
-def test_an_arm_that_can_neither_be_drawn_nor_written_is_shown_by_its_name():
-    assert "<Untold>" in page(Untold((1.0, 1.0), (0.4, 0.3))).cells
-
-
 @physics
 def push(size):
     return size

@@ -184,17 +184,3 @@ def test_states_of_effects_and_draws_are_those_of_the_simulator(how):
         batch.advance((k + 1) * efforts.numpy())
         for found, known in ((q, batch.q), (qd, batch.qd), (z, batch.z), (draws, batch.draws)):
             np.testing.assert_allclose(found, known, rtol=1e-10, atol=1e-10)
-
-
-def test_lanes_have_parameters_of_their_own_in_a_batch_of_any_shape():
-    scene, masses = (
-        scene_of(FOUR_R, "rk8"),
-        torch.tensor(FOUR_R.masses) * torch.linspace(0.5, 2.0, 4)[:, None],
-    )
-    batch, flat = rde.BatchSimulator(scene, 12), start(FOUR_R)
-    batch.set_parameters({"masses": masses.repeat(3, 1).numpy()})
-    batch.set_state(flat[0].numpy(), flat[1].numpy())
-    batch.advance(flat[2].numpy())
-    q, qd = rde.torch_step(scene)(*(x.reshape(3, 4, 4) for x in flat), {"masses": masses})
-    np.testing.assert_allclose(q.reshape(12, 4), batch.q, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(qd.reshape(12, 4), batch.qd, rtol=1e-12, atol=1e-11)

@@ -39,7 +39,7 @@ MODULES = (
 )  # fmt: skip
 RECORDS = "tests/lane/test_recorded_programs.py", "tests/verify/test_recorded_bits.py"
 """Any change of a program or a motion is one for them. They collect quickly."""
-TESTS = ("tests/robots", "tests/numerics", "tests/events", "tests/effects", "tests/lane", "tests/batch",
+TESTS = ("tests/robots", "tests/numerics", "tests/events", "tests/effects", "tests/lane",
          "tests/oracles", "tests/hard_cases", "tests/outside", "tests/model", "tests/control",
          "tests/test_dialect.py")  # fmt: skip
 COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "test", "before", "after")

@@ -76,19 +76,6 @@ def test_a_motion_that_depends_on_the_last_digit_of_its_start_is_flagged():
     assert tip_errors(arm, one, other)[sure].max() < 2e-3
 
 
-def test_the_tolerance_is_kept_where_sliders_are_thrown_far_away():
-    """Found by fuzzing: a tip of 5e-5 kg goes from 14 m to 90 km, where an early error of an angle counts."""
-    arm = rde.RPRP((500.0, 5000.0, 700.0, 5e-5), (60.0, 80.0))
-    rng, n = np.random.default_rng(0), 512
-    q = np.array([-0.54, -27.0, 1.7, -66.0]) + rng.normal(0.0, 1.0, (n, 4)) * (1.0, 2.0, 1.0, 2.0)
-    qd = rng.normal(0.0, 1.0, (n, 4)) * (0.5, 20.0, 0.5, 5.0)
-    efforts = np.array([7.6e6, 3e3, 3.5e6, 2.3e4]) * rng.uniform(-2.0, 2.0, (n, 4))
-    got, status = advance(rde.Scene(arm, tolerance=1e-8), q, qd, efforts)
-    reference, _ = advance(rde.Scene(arm, substeps=256), q, qd, efforts)
-    assert not status.numerics.any()
-    assert tip_errors(arm, got, reference).max() <= 2e-8
-
-
 @pytest.mark.long
 def test_a_lane_is_that_many_fixed_steps_bit_for_bit():
     arm, (q, qd, efforts) = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)), lab_states(200, 1)

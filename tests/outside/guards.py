@@ -3,37 +3,7 @@
 from dataclasses import dataclass
 
 from redundant_envs.algebra import physics, where
-from redundant_envs.effects import Actuation, Effect, Force, Link
-
-
-@physics
-def beyond_curve(command, rate, stall, free):
-    """Effort above the line from stall to free speed, and above the opposite line."""
-    return command - stall * (1.0 - rate / free), command + stall * (1.0 + rate / free)
-
-
-@physics
-def below_curve(command, rate, stall, free, side1, side2):
-    upper, lower = stall * (1.0 - rate / free), -stall * (1.0 + rate / free)
-    return where(side1 > 0.0, upper, where(side2 < 0.0, lower, command))
-
-
-@dataclass(frozen=True)
-class SpeedCurve(Effect):
-    """A motor whose largest effort falls with its speed: two guards of each link."""
-
-    stall: float = 10.0
-    free: float = 8.0
-
-    def hooks(self, arm):
-        own = {"stall": ".stall", "free": ".free"}
-        return tuple(
-            Actuation(
-                k, below_curve, {"command": f"command{k + 1}", "rate": f"phid{k + 1}", **own},
-                Link.TORQUE_SPEED, guard=beyond_curve,
-            )
-            for k in range(len(arm.joints))
-        )  # fmt: skip
+from redundant_envs.effects import Effect, Force
 
 
 @physics

@@ -81,14 +81,12 @@ upwards = physics(lambda phid1: (0.0 * phid1, 9.81))
 drag = physics(lambda rate, a, b: -a * rate - b * rate * abs(rate))
 of_place = physics(lambda place: 1.0 * place)
 of_speed = physics(lambda tip_vx: 1.0 - tip_vx)
-of_x4 = physics(lambda x4: 1.0 * x4)
 of_side = physics(lambda side: 0.0 * side)
 of_command = physics(lambda command1: 1.0 * command1)
 of_angle = physics(lambda phi1: phi1)
 of_rate = physics(lambda phid1: phid1)
 once_passed = physics(lambda phi1, passed: -phi1 * passed)
 approached = physics(lambda phi1, phid1, elapsed: phi1 + phid1 * elapsed)
-five = physics(lambda phi1: (phi1,) * 5)
 
 
 def bound(self, arm):
@@ -105,11 +103,6 @@ def effect_of(*hooks, decorated=True, numbers=None, **body):
 
 
 AB = {"a": 1.1, "b": 0.3}
-
-
-def branching(above):
-    """An effect that asks for its number in Python."""
-    return effect_of(numbers=AB, hooks=lambda self, arm: bound(self, arm) * (2 if above(self) else 1))
 
 
 @pytest.mark.parametrize("name", ["static", "parameters", "key"])
@@ -187,7 +180,6 @@ BELOW = "give the lower first"
     [
         # numbers
         (effect_of(numbers={"a": float("nan")}), "a is nan"),
-        (branching(lambda self: self.a / self.b > 100.0), "does not follow its number a"),
         (effect_of(numbers=AB, decorated=False, hooks=bound), r"Mine has a, b .* @dataclass\(frozen=True\)"),
         (effect_of(numbers={"k": (0.1,) * 5}, hooks=rotors), r"has 5 entries; unused: k\[4\]"),
         (effect_of(numbers={"n": field(init=False, default=2.0)}), r"Mine\).n is not an argument of its"),
@@ -199,14 +191,10 @@ BELOW = "give the lower first"
         ),
         (effect_of(Force(0, nothing, {"phid_1": "phid2"})), "bind has 'phid_1'; its functions take phi1"),
         (effect_of(Force(0, nothing, states=State("z", ""))), r"states is State\(.*; give a tuple, such as"),
-        (effect_of(Force(Point(4), of_x4)), r"Point is 4; give Point\(0\) to Point\(3\), the tip"),
-        (effect_of(Force(Point(3), of_x4)), "returns 1 values; it must return 2 at a point"),
         (effect_of(Force(1, of_side, switch=(".a", ".b"))), r"switch: '\.a' is not a number of this effect"),
         (effect_of(Force(1, of_side)), "argument 'side': no quantity of RPRP is called 'side'"),
         (HummingStop(1, 0.3, 0.1, 2e3, 30.0), BELOW),
         # laws that change
-        (effect_of(Force(0, nothing, guard=five)), "returns 5 values"),
-        (effect_of(Force(0, nothing, kink=five)), "it must return at most 2"),
         (effect_of(Actuation(0, of_command, by_side=of_side)), "it has by_side without guard"),
         (
             effect_of(Force(1, of_side, switch=(".a", ".b"), guard=of_angle), numbers=AB),

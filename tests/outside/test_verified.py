@@ -9,7 +9,7 @@ import pytest
 import rrp
 import three_r
 from arms import ARMS, STEPS, e
-from fuzz.drawing_scenes import drawn_scene
+from fuzz.drawing import drawn_scene
 from relative_two_r import RelativeTwoR
 
 import redundant_envs as rde

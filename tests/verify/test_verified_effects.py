@@ -67,7 +67,6 @@ COUPLED, OF_BOTH = physics(lambda x, y, k: -k * (x - y)), physics(lambda x, y, k
 DAMPED = physics(lambda x, rate, k: -k * (x + 0.1 * rate))
 ONE_SIDED = physics(lambda x, k: -k * maximum(x, 0.0))
 BRAKE, PUSH = physics(lambda rate, k: -k * rate), physics(lambda rate, k: k * rate)
-BETWEEN = physics(lambda rate, other, k: -k * (rate - other))
 AT_POINT = physics(lambda vx, vy, k: (-k * vx + 3.0 * k * vy, -k * vy - 3.0 * k * vx))
 STATE, FOLLOW = physics(lambda z: z), physics(lambda command, z, k: k * (command - z))
 TURN, BACK = physics(lambda other, k: k * other), physics(lambda other, k: -k * other)

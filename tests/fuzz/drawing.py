@@ -1,18 +1,27 @@
-"""Scenes of any effects, and the kinds of states, efforts and actions of their lanes."""
+"""Cases: scenes of any effects, with states and efforts of their lanes, as JSON documents."""
+
+import json
 
 import numpy as np
 
 from redundant_envs.scenes.scene import Scene
-from studies.drawing import RARE_EFFORTS, TRIES, drawn_arm, drawn_effect, drawn_rows, own_effects
+from studies.drawing import (
+    RARE_EFFORTS,
+    TRIES,
+    drawn_arm,
+    drawn_effect,
+    drawn_efforts,
+    drawn_states,
+    own_effects,
+)
 
-MOTORS = "EffortLimits"
-"""Environments need it."""
 STATES = (
     "plain", "plain", "fast", "folded", "at rest", "at stop", "at stop", "near stop", "near stop", "huge"
 )  # fmt: skip
 RARE_STATES = ("denormal", "far", "overflowing", "nan")
 EFFORTS = ("plain", "plain", "bang-bang", "bang-bang", "none", "strong")
-ACTIONS = ("plain", "bang-bang", "bang-bang", "none", "too large")
+LANES = 48
+"""Most of a simulator."""
 RARE = 0.03
 """Share of lanes with numbers that no motion survives."""
 
@@ -21,7 +30,7 @@ def drawn_kinds(rng, count, usual, rare):
     return [str(rng.choice(rare if rng.random() < RARE else usual)) for _ in range(count)]
 
 
-def drawn_effects(rng, arm, needed=(), dt=0.02):
+def drawn_effects(rng, arm, dt=0.02):
     """Any subset of the registered effects that fit an arm, a control interval and each other; limit springs
     at a random number of joints."""
     share = rng.choice([0.03, 0.1, 0.3, 1.0], p=[0.3, 0.35, 0.3, 0.05])  # many take long to compile
@@ -34,7 +43,7 @@ def drawn_effects(rng, arm, needed=(), dt=0.02):
             return None
 
     for name, kind in own_effects().items():
-        if name not in needed and not rng.random() < share:
+        if not rng.random() < share:
             continue
         for _ in range(int(rng.integers(1, 4)) if name == "LimitSpring" else 1):
             for _ in range(TRIES):
@@ -59,17 +68,27 @@ def drawn_stepping(rng):
     return {"integrator": str(rng.choice(["euler", "rk4", "rk8"])), "substeps": int(rng.choice([1, 1, 2, 5]))}
 
 
-def drawn_scene(rng, needed=(), actuation=None, calm=False):
-    """A scene of any registered effects, with ``needed`` among them; a calm one has similar links."""
+def drawn_scene(rng, calm=False):
+    """A scene of any registered effects; a calm one has similar links."""
     arm = drawn_arm(rng, calm)
     dt = float(rng.choice([0.02, 0.02, 0.005, 0.01, 0.05, 1e-6, 0.2]))
-    actuation = actuation or str(rng.choice(["joint", "joint", "generalized"]))
-    effects = drawn_effects(rng, arm, needed, dt)
+    actuation = str(rng.choice(["joint", "joint", "generalized"]))
+    effects = drawn_effects(rng, arm, dt)
     return Scene(arm, effects, control_dt=dt, actuation=actuation, **drawn_stepping(rng))
 
 
-def drawn_actions(rng, count, joints, bad=False):
-    """Actions, (count, joints): inside [-1, 1], at its ends, and beyond; bad ones in float64."""
-    kinds = (*ACTIONS, *RARE_EFFORTS) if bad else ACTIONS
-    rows = drawn_rows(rng, [str(rng.choice(kinds)) for _ in range(count)], np.ones(joints))
-    return rows if bad else rows.astype(np.float32)
+def drawn(seed, number):
+    """A case of a seed and a number: a scene, the start of its lanes, and efforts of some intervals."""
+    rng = np.random.default_rng([seed, number])
+    threads, scene = int(rng.choice([1, 1, 2])), drawn_scene(rng)
+    lanes, intervals = int(rng.choice([1, 7, 8, 9, LANES, LANES, LANES])), 3
+    if scene.integrator == "dop853":  # takes as many steps as it needs, up to seconds for a wild lane
+        lanes, intervals = min(lanes, 9), 2
+    q, qd = drawn_states(scene, drawn_kinds(rng, lanes, STATES, RARE_STATES), rng)
+    kinds = (drawn_kinds(rng, lanes, EFFORTS, tuple(RARE_EFFORTS)) for _ in range(intervals))
+    advances = ({"efforts": drawn_efforts(scene, some, rng)} for some in kinds)
+    calls = [{"call": "set_state", "rows": {"q": q, "qd": qd}}]
+    calls += [{"call": "advance", "rows": rows} for rows in advances]
+    case = {"seed": seed, "number": number, "threads": threads, "num_envs": lanes}
+    case |= {"scene": scene.to_dict(), "calls": calls}
+    return json.loads(json.dumps(case, default=lambda array: array.tolist()))

@@ -1,4 +1,4 @@
-"""States in closed form: steps longer than their time constants, and the orders with which steps converge."""
+"""States of effects: in closed form, and evaluated apart from the arm; the orders of convergence."""
 
 import dataclasses
 
@@ -8,7 +8,8 @@ import pytest
 from catalogue import FOUR_R, advanced
 
 import redundant_envs as rde
-from redundant_envs.effects import Actuation, Effect, Force, Link, State, lu_gre
+from redundant_envs import effects as e
+from redundant_envs.effects import Effect, Force, State, lu_gre
 from redundant_envs.language.algebra import exp, physics
 from redundant_envs.simulator.lane.closed_forms import share
 
@@ -91,32 +92,6 @@ def test_a_state_lags_by_its_time_constant_behind_a_quantity_that_changes():
     assert off(after(LaggingDrag(1e4, declared=False), "rk8"), exact) > 2e-4
 
 
-@dataclasses.dataclass(frozen=True)
-class TwoLags(Effect):
-    """Two lags, one behind the other, the second of which takes the state of the first."""
-
-    rate: float = 1e3
-
-    def hooks(self, arm):
-        return tuple(self.link(k) for k in range(len(arm.joints)))
-
-    def link(self, k):
-        states, before = [], f"command{k + 1}"
-        for name in (f"first[{k}]", f"second[{k}]"):
-            bind = {"value": f".{name}", "aim": before, "rate": ".rate"}
-            states.append(State(name, "N", approach, bind=bind, rate=itself, closed=approached))
-            before = f".{name}"
-        return Actuation(k, itself, {"rate": before}, Link.LAG, states=tuple(states))
-
-
-def test_a_state_may_follow_another_one_in_closed_form():
-    scene = rde.Scene(FOUR_R, (TwoLags(),), "rk8", 0.01, 64)
-    batch, _ = advanced(scene, np.zeros((1, 4)), np.zeros((1, 4)), np.ones((1, 4)))
-    first, second = batch.z.reshape(-1, 2).T
-    assert np.abs(first - (1.0 - np.exp(-10.0))).max() < 1e-14
-    assert np.abs(second - (1.0 - 11.0 * np.exp(-10.0))).max() < 1e-5
-
-
 @pytest.mark.parametrize("dt", [1e-9, 1e-6, 1e-3, 1.0])
 def test_closed_forms_keep_their_digits_in_short_steps(dt):
     """Nearly all of a state is still to come after a nanosecond; with exp(-x) - 1 in place of expm1(-x) the
@@ -149,3 +124,15 @@ def test_the_time_at_which_a_changing_quantity_is_taken_is_between_a_half_and_on
     with mpmath.workdps(40):
         exact = [1 / -mpmath.expm1(-mpmath.mpf(x)) - 1 / mpmath.mpf(x) for x in decays[2900:3200]]
     np.testing.assert_allclose(shares[2900:3200], np.array(exact, float), rtol=0.0, atol=1.5e-12)
+
+
+# ---- states that change by themselves: steps evaluate them apart from the arm ------------------------
+
+BEGUN = np.array([[0.3, 0.5, -0.2, 0.4]]), np.array([[2.0, -1.0, 1.5, 0.5]])
+
+
+def test_a_clock_is_as_exact_as_one_sum():
+    """Equal slopes are added as one: an interval adds its length to rounding."""
+    scene = rde.Scene(FOUR_R, (e.MovingBase((0.0, 0.0), 1.0),), "rk8", 0.02)
+    batch, _ = advanced(scene, *BEGUN, intervals=500)
+    assert batch.z.item() == pytest.approx(np.cumsum(np.full(500, 0.02))[-1], abs=1e-13)
