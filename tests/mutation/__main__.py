@@ -1,9 +1,9 @@
 """Draw mutants at random and run the tests on each: ``python -m tests.mutation --count 300 --seed 1``.
 
 Mutants are those of cosmic-ray (``pip install cosmic-ray``), one operator, constant or condition of one line
-each. A worker has a copy of the repository of its own, in which it writes one mutant after the other; the
-tests that compare with records run first, and the first test that fails ends the run. Annotations, docstrings
-and error messages are left out: no test could see them.
+each. A worker has a copy of the repository of its own, in which it writes one mutant after the other; quick
+comparisons with records run first, then the other quick tests, then the long ones, and the first test that
+fails ends the run. Annotations, docstrings and error messages are left out: no test could see them.
 
 ``--mended [PART]`` brings back the mended faults of ``mended.yaml``, or those with PART in their names, and
 runs the test of each.
@@ -42,6 +42,9 @@ RECORDS = "tests/lane/test_recorded_programs.py", "tests/verify/test_recorded_bi
 TESTS = ("tests/robots", "tests/numerics", "tests/events", "tests/effects", "tests/lane",
          "tests/oracles", "tests/hard_cases", "tests/outside", "tests/model", "tests/control",
          "tests/test_dialect.py")  # fmt: skip
+QUICK, LONG = "not long", "long"
+SECONDS = {QUICK: 300.0, LONG: 1800.0}
+"""For a stage of tests: on two idle cores the quick ones take 10 and 100 s."""
 COLUMNS = ("module", "line", "function", "operator", "outcome", "seconds", "test", "before", "after")
 
 
@@ -89,6 +92,17 @@ def places_of(module: str) -> Iterator[Place]:
                 yield Place(module, start[0], ASTQuery(node).get_definition_name() or "", name, occurrence)
 
 
+def stages(recorded: bool) -> Iterator[tuple[list[str], str]]:
+    """Tests and the mark that selects among them, the quickest first, with or without records."""
+    others = [*TESTS, *(f"--ignore={name}" for name in RECORDS)]
+    if recorded:
+        yield [*RECORDS], QUICK
+    yield others, QUICK
+    if recorded:
+        yield [*RECORDS], LONG
+    yield others, LONG
+
+
 def row_of(place: Place, clone: Path, recorded: bool) -> dict[str, Any]:
     """A row of ``COLUMNS``."""
     import cosmic_ray.plugins
@@ -99,9 +113,10 @@ def row_of(place: Place, clone: Path, recorded: bool) -> dict[str, Any]:
     changed = mutate_code(whole, cosmic_ray.plugins.get_operator(place.operator)(), place.occurrence) or whole
     path.write_text(changed, encoding="utf-8")
     kernels = str(clone / "kernels")
-    found = outcome(RECORDS, clone, kernels) if recorded else Outcome("green")
-    if found.result == "green":
-        found = outcome([*TESTS, *(f"--ignore={name}" for name in RECORDS)], clone, kernels)
+    found = Outcome("green")
+    for tests, mark in stages(recorded):
+        if found.result == "green":
+            found = outcome(tests, clone, kernels, mark, SECONDS[mark])
     path.write_text(whole, encoding="utf-8")
     before, after = whole.splitlines(), changed.splitlines()
     told = {"green": "survived", "hung": "hung"}.get(found.result, "killed")

@@ -2,6 +2,7 @@
 
 import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,8 @@ KERNELS = os.environ.get("REDUNDANT_ENVS_CACHE") or str(ROOT / ".pytest_cache" /
 T = TypeVar("T")
 SECONDS = 1800.0
 """For a run of tests."""
+MEMORY = 8 * 2**30
+"""Bytes of address space for a run of tests: some changes let programs grow without end."""
 ALL = "long or not (long)"
 """Selects all tests; with a selection they compile with little effort (``tests/conftest.py``)."""
 
@@ -29,15 +32,18 @@ class Outcome(NamedTuple):
     failed: str = ""  # the test that failed
 
 
-def outcome(tests: Sequence[str], copy: Path, kernels: str = KERNELS, mark: str = ALL) -> Outcome:
+def outcome(
+    tests: Sequence[str], copy: Path, kernels: str = KERNELS, mark: str = ALL, seconds: float = SECONDS
+) -> Outcome:
     """The outcome of tests in a copy of the tree, up to the first that fails."""
     paths = {"PYTHONPATH": f"{copy}{os.pathsep}{copy / 'agents'}", "REDUNDANT_ENVS_CACHE": kernels}
     options = ["-B", "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider"]
     command = [sys.executable, *options, "-m", mark, *tests]
     try:
         done = subprocess.run(
-            command, cwd=copy, env=os.environ | paths, capture_output=True, text=True, timeout=SECONDS
-        )
+            command, cwd=copy, env=os.environ | paths, capture_output=True, text=True, timeout=seconds,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         return Outcome("hung")
     failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
