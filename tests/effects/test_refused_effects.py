@@ -176,7 +176,7 @@ NUMBERS = [
     (lambda: e.Tendon(("r1", "r1"), (1.0, 1.0), 1.0), "each once"),
     (lambda: e.Tendon(("r1", "r2"), (1.0, 1.0, 1.0), 1.0), "Tendon.moment_arms has 3 entries; give 2"),
     (lambda: e.PickUp(1.0, 0.0), "PickUp.at is 0.0; it must be positive"),
-    (lambda: bristles(0.5), "LuGre.stiction is 0.5 at joint 1, coulomb 1.0"),
+    (lambda: e.LuGre(1e5, 0.0, 0.4, 1.0, 0.5, 0.01), "LuGre.stiction is 0.5 at joint 1, coulomb 1.0"),
     (lambda: e.CommandDelay(0.2, 0.1), "seconds is 0.2 s; ", "is 0.1 s: give a shorter"),
     (lambda: e.SensorBias(), "SensorBias has neither position nor rate", "give one of them"),
     (lambda: e.TipForce(), "TipForce has no part; give one or several of step, amplitude, density"),

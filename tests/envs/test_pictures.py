@@ -17,7 +17,7 @@ from faces import FOUR_R, ID, actions, begin, made
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
 
 import redundant_envs as rde
-from redundant_envs.envs import animation, rendering
+from redundant_envs.envs import rendering
 from redundant_envs.envs.rendering import BARS, Canvas
 from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.support import palette

@@ -4,7 +4,6 @@ import copy
 import itertools
 import re
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from faces import FACES, FOUR_R, MODES, actions, begin, drawing, flat, made, refused, running
