@@ -227,7 +227,7 @@ def colliding():
 def test_streams_that_are_one_are_refused():
     one, other = colliding()
     rde.Scene(FOUR_R, (with_states(one),))
-    with pytest.raises(ValueError, match=rf"'odd\.{other}'.*'odd\.{one}'.*rename one of these states"):
+    with pytest.raises(ValueError, match=rf"'odd\.{other}'.*'odd\.{one}'.*rename one of them"):
         rde.Scene(FOUR_R, (with_states(one, other),))
 
 
