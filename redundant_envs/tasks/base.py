@@ -164,7 +164,7 @@ class Task:
         for k in scene.robot.sliders():
             if k not in travel:
                 raise ValueError(
-                    f"it needs limited travel of {scene.robot.joints[k]!r}; add a PrismaticStop with both ends"
+                    f"it needs limited travel of {scene.robot.joints[k]!r}; add a PrismaticStop of both ends"
                 )
             names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
         return names

@@ -1,5 +1,7 @@
 """Draws of effects: their distribution, what they depend on, and the bits that they keep."""
 
+import itertools
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -138,6 +140,22 @@ def with_states(*names, update=hidden):
     states = tuple(e.State(name, "", update=update) for name in names)
     hooks = (e.Sensing(0, told, {"reading": "phi1"}, states=states),)
     return type("Odd", (e.Effect,), {"hooks": lambda self, arm: hooks})()
+
+
+def colliding():
+    """Two names of states whose streams are one."""
+    seen = {}
+    for k in itertools.count():
+        other = seen.setdefault(stream_of("odd", f"s{k}"), k)
+        if other != k:
+            return f"s{other}", f"s{k}"
+
+
+def test_streams_that_are_one_are_refused():
+    one, other = colliding()
+    rde.Scene(FOUR_R, (with_states(one),))
+    with pytest.raises(ValueError, match=rf"'odd\.{other}'.*'odd\.{one}'.*rename one of them"):
+        rde.Scene(FOUR_R, (with_states(one, other),))
 
 
 def test_streams_are_the_same_for_ever():
