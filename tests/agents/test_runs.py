@@ -27,7 +27,7 @@ from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import summary
 from redundant_envs_train.rollout import Outcome
 from redundant_envs_train.run_folder import read_evaluation
-from redundant_envs_train.training import pool
+from redundant_envs_train.training import many
 from redundant_envs_train.training.pool import seeds_of, stop_request
 from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
@@ -345,7 +345,7 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
             time.sleep(0.05)
         interrupts()
 
-    monkeypatch.setattr(pool, "IMPORTED", ["waits"])
+    monkeypatch.setattr(many, "IMPORTED", ["waits"])
     user = threading.Thread(target=interrupt)
     user.start()
     _, error = call(*command, 1, "--seeds", "5,4", status=130)

@@ -94,6 +94,8 @@ config_of: Callable[[Any], Config] = functools.partial(checked, Config)
 
 def read(path: str | Path) -> dict[str, Any]:
     """The content of a YAML file."""
+    if not exists(Path(path)):
+        raise ValueError(f"config is {shown(str(path))}; there is no such file")
     data = read_yaml(Path(path), "config")
     if not isinstance(data, dict):
         raise ValueError(f"{path} holds no mapping; give 'key: value' lines")

@@ -72,7 +72,7 @@ def write_dataset(
             "requirements": [f"redundant-envs=={__version__}"], "minari_version": minari.__version__,
         })  # fmt: skip
         storage.update_episodes(_played(spec, make, episodes, seed))
-    return int(storage.total_steps)
+        return int(storage.total_steps)
 
 
 def spec_of(env_id: str, kwargs: dict[str, Any]) -> EnvSpec:
