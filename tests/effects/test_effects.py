@@ -257,9 +257,7 @@ def test_a_function_whose_code_is_replaced_is_the_new_one(made, replace, monkeyp
 
 NAMES = {name: getattr(algebra, name) for name in (*PRIMITIVES, "clamp", "squash", "sincos", "logical_not")}
 INSTEAD = {
-    "tanh": np.tanh, "sinh": np.sinh, "cosh": np.cosh, "sign": np.sign,
-    "ceil": np.ceil, "int": np.trunc, "square": np.square, "radians": np.radians, "degrees": np.degrees,
-    "reciprocal": np.reciprocal, "negative": np.negative, "heaviside": lambda x: np.heaviside(x, 1.0),
+    "tanh": np.tanh, "sign": np.sign, "ceil": np.ceil, "int": np.trunc, "square": np.square,
     "round": lambda x: np.floor(x + 0.5), "fabs": np.abs,
     "mod": np.mod, "hypot": np.hypot, "max": np.maximum, "min": np.minimum,
 }  # fmt: skip

@@ -17,7 +17,7 @@ from redundant_envs.effects.gear_backlash import contacts, teeth
 from redundant_envs.effects.hooks import effort_unit
 from redundant_envs.envs.named import action_table
 from redundant_envs.envs.registration import check_motors
-from redundant_envs.language.algebra import physics
+from redundant_envs.language.algebra import arguments_of, physics
 
 LOCATED = pytest.mark.parametrize("how", list(METHODS.values())[2:], ids=list(METHODS)[2:])
 
@@ -251,7 +251,7 @@ def test_the_command_has_the_unit_that_the_first_link_with_a_unit_takes(arm):
 @pytest.mark.parametrize(
     ("effects", "said"),
     [
-        ((SERVO,), "'servo' gives 'V', and the motor's effort is in 'N m'"),
+        ((SERVO,), "'servo' gives 'V', not 'N m'; add a motor"),
         ((MOTOR_LINK, Converter(named="other")), "'motor' gives 'N m', and 'other' behind it takes 'V'"),
         ((LIMITS, Converter(Link.LIMITS)), "'effort_limits' gives 'N m', and 'converter' behind"),
         ((SERVO, DELAY, LIMITS), "'servo' gives 'V', and 'effort_limits' behind it takes 'N m'"),
@@ -349,7 +349,7 @@ FLYWHEEL = rde.Chain("R", (1e12,), (1.0,))
 
 def friction(effect, batch):
     """Friction of the joint in the present state, N m."""
-    numbers = (getattr(effect, name) for name in lu_gre.NUMBERS)
+    numbers = (getattr(effect, name) for name in arguments_of(lu_gre.force)[2:])
     return -lu_gre.force(batch.qd[0, 0], batch.z[0, 0], *numbers)
 
 
@@ -372,7 +372,7 @@ def test_bristles_hold_a_load_below_the_stiction_as_a_spring():
 def stored_and_taken(effect, rates, h=1e-4):
     """Energy that the bristles give back at most, and the work that friction takes, along given rates: a row
     for each time, a column for each motion."""
-    numbers = {name: getattr(effect, name) for name in lu_gre.NUMBERS}
+    numbers = {name: getattr(effect, name) for name in arguments_of(lu_gre.force)[2:]}
     own = [numbers[name] for name in lu_gre.OF_BRISTLES]
     z, taken, least = np.zeros((3, rates.shape[1]))
     for rate in rates:

@@ -2,6 +2,7 @@
 masks in vectors; ``info_keys`` chooses what it has."""
 
 import json
+import operator
 from dataclasses import dataclass, make_dataclass
 
 import gymnasium as gym
@@ -204,10 +205,10 @@ def test_every_number_is_there_with_its_unit_as_a_copy_and_is_an_option_of_the_n
     np.testing.assert_array_equal(env.parameters["gravity.g"].value, np.full(lanes, 9.81))
     for write in (
         lambda: env.parameters["masses"].value.__setitem__(0, 7.0),
-        lambda: env.parameters.__setitem__("masses", 7.0),
+        lambda: operator.setitem(env.parameters, "masses", 7.0),
         lambda: setattr(env.parameters["masses"], "value", 7.0),
     ):
-        with pytest.raises((ValueError, AttributeError), match=r"set_options|cannot assign to field 'value'"):
+        with pytest.raises((ValueError, AttributeError, TypeError), match=r"read-only|assign"):
             write()
     begin(env, {"parameters": before})
     for name, parameter in env.parameters.items():

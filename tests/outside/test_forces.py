@@ -206,7 +206,7 @@ def test_a_loaded_arm_is_copied_as_it_is_and_is_no_robot_of_a_scene():
     for copied in COPIES.values():
         assert copied(arm) == arm
         np.testing.assert_array_equal(copied(arm).mass_matrix([0.3] * 4), arm.mass_matrix([0.3] * 4))
-    with pytest.raises(ValueError, match="robot is a FourR with the inertias of another scene's effects"):
+    with pytest.raises(ValueError, match="robot is a FourR with added inertias"):
         rde.Scene(arm, (e.Gravity(),))
 
 
@@ -324,7 +324,7 @@ def test_instants_happen_in_the_order_of_time(times):
 
 def test_a_fifth_instant_is_refused():
     assert rde.Scene(FOUR_R, delays((0.001, 0.002, 0.003, 0.004)))
-    with pytest.raises(ValueError, match=r"5 instants, of late0, .*; a scene may have 4: .*leave some out"):
+    with pytest.raises(ValueError, match=r"instants of late0, .*; give at most 4"):
         rde.Scene(FOUR_R, delays((0.0, 0.001, 0.002, 0.003, 0.004)))
 
 

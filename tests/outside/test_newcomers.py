@@ -46,8 +46,8 @@ def test_the_command_line_knows_what_an_imported_module_registers(capsys):
     ("words", "said"),
     [
         ("scene my_scene.yaml", "type is 'QuadraticDrag'.*--import MODULE before the command"),
-        ("verify half:thing", "half:thing: half imports missing_package, which is not there"),
-        ("verify not_there:thing", "give the name of a module that lies in this folder or is installed"),
+        ("verify half:thing", "half:thing: No module named 'missing_package'"),
+        ("verify not_there:thing", "No module named 'not_there'; give modules that lie in this folder"),
         ("--import not_there list", "--import is 'not_there': No module named 'not_there'; give"),
         ("--import", "--import names no module; give --import MODULE before the command"),
     ],
