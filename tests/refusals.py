@@ -1,11 +1,5 @@
 """How what users give is refused: by one short ValueError, whatever it is."""
 
-from hypothesis import HealthCheck, settings
-
-ANYTHING = settings(
-    max_examples=200, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
-)
-
 
 def short(message):
     return len(message.splitlines()) <= 10 and len(message) < 1000

@@ -11,7 +11,7 @@ import pytest
 
 from redundant_envs.exports import files
 from redundant_envs.scenes.scene import load_scene
-from redundant_envs.support.disk import DiskFull, alone, replacing, write_text
+from redundant_envs.support.disk import DiskFull, alone, write_text
 from redundant_envs.support.figures import new_figure, save_figure, write_clip
 from redundant_envs.support.tables import write_rows
 
@@ -67,17 +67,6 @@ def test_nothing_is_written_through_a_link(tmp_path):
     write_text(tmp_path / "new.txt", "new")  # the names of its parts cannot be guessed
     assert (tmp_path / "file").read_text() == "old"
     assert {path.name for path in tmp_path.iterdir()} == {"file", "new.txt", *names}
-
-
-def test_a_file_is_as_before_if_writing_it_fails(tmp_path):
-    def fail():
-        with replacing(tmp_path / "a.mp4") as part:
-            part.write_bytes(b"begun")
-            raise OSError("broken pipe")
-
-    with pytest.raises(OSError, match="broken pipe"):
-        fail()
-    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows locks no folders")

@@ -9,9 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
-from refusals import ANYTHING, refusal, short
+from refusals import refusal, short
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
@@ -205,13 +203,3 @@ def test_a_control_interval_in_milliseconds_is_told_once_for_each_scene(tmp_path
         assert len(told) == 1
     assert told[0].filename == __file__
     dataclasses.replace(scene, substeps=3, tolerance=None)  # a change of something else is silent
-
-
-@ANYTHING
-@given(st.binary(max_size=60))
-def test_bytes_are_plain_data_or_a_value_error(tmp_path_factory, raw):
-    path = tmp_path_factory.getbasetemp() / "fuzz.yaml"
-    path.write_bytes(raw)
-    message = refusal(rde.load_scene, path)
-    assert str(path) in message
-    assert short(message)

@@ -45,8 +45,6 @@ def test_every_number_of_a_configuration_has_a_range_and_every_key_a_help(call):
     page = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
     assert call("schema", "--markdown")[0] == page, "make it again: python -m agents schema --markdown"
     schema = json.loads(call("schema")[0])
-    gamma = schema["$defs"]["PPOSettings"]["properties"]["gamma"]
-    assert (gamma["minimum"], gamma["maximum"]) == (0, 1)
     assert set(schema["properties"]) == set(Config.model_fields)
 
 

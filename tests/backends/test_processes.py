@@ -48,13 +48,6 @@ def program(*arguments):
     return output, told
 
 
-def test_a_program_is_kept_from_process_to_process_and_wherever_its_folder_goes(tmp_path):
-    first, told = program(PROGRAM, tmp_path / "cache")
-    assert told.count("compiling FourR euler with ViscousFriction") == 1
-    (tmp_path / "cache").rename(tmp_path / "moved")
-    assert program(PROGRAM, tmp_path / "moved") == (first, "")
-
-
 ENVIRONMENT = """
 import gymnasium as gym
 import redundant_envs

@@ -280,18 +280,6 @@ def test_states_with_numbers_that_no_motion_has(face, name):
     refused(running(face), lambda env: env.set_state(tampered(env, name, value)), words)
 
 
-def test_an_ended_episode_does_not_go_on_where_episodes_begin_anew():
-    ended = made("single", on_bad_action="terminate", max_episode_steps=-1).unwrapped
-    ended.reset(seed=0)
-    assert ended.step(np.full(4, NAN))[2]
-    other = running("sb3", count=1, max_episode_steps=-1)
-    refused(
-        other,
-        lambda other: other.set_state(ended.get_state()),
-        "autoreset_mode is disabled there and same_step here",
-    )
-
-
 def test_actions_are_not_kept_for_the_second_half_of_a_step():
     env = running("sb3", on_bad_action="raise")
     twin = copy.deepcopy(env)

@@ -202,17 +202,3 @@ def test_an_id_may_have_the_module_that_registers_it():
     assert rde.make_sb3(whole, 2).core.scene == vector.core.scene
     for env in (gym.make(FOUR_R).unwrapped, vector):  # skrl looks at these names
         assert any(base.__module__.startswith("gymnasium.") for base in type(env).__bases__)
-
-
-@pytest.mark.long
-def test_spawned_workers_know_an_id_with_its_module(tmp_path):
-    program = f"""
-import gymnasium as gym
-if __name__ == "__main__":
-    env = gym.make_vec("redundant_envs:{FOUR_R}", 2, "async", vector_kwargs={{"context": "spawn"}})
-    print(env.reset(seed=0)[0].shape)
-    env.close()
-"""
-    (tmp_path / "program.py").write_text(program, encoding="utf-8")
-    done = subprocess.run([sys.executable, tmp_path / "program.py"], capture_output=True, text=True)
-    assert (done.stdout, done.returncode) == ("(2, 20)\n", 0), done.stderr

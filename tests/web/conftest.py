@@ -2,8 +2,12 @@
 
 import os
 import shutil
+import subprocess
 
 import pytest
+
+from redundant_envs.tasks import ReachTask
+from redundant_envs.web import module
 
 REQUIRED = "REDUNDANT_ENVS_TEST_PAGE"
 """The variable with which a missing program is a failure: ``make test-page`` sets it."""
@@ -25,8 +29,25 @@ def program(*names):
 
 @pytest.fixture(scope="session")
 def node():
-    """The path of Node.js."""
-    return program("node", "nodejs")
+    """Run Node.js; its output."""
+    path = program("node", "nodejs")
+    return lambda *words, **how: (
+        subprocess.run([path, *words], capture_output=True, text=True, check=True, **how).stdout
+    )
+
+
+@pytest.fixture(scope="module")
+def written(request, tmp_path_factory):
+    """The folder of the module of one of the SCENES of a file, written once."""
+    folders = {}
+
+    def write(name):
+        if name not in folders:
+            folders[name] = tmp_path_factory.mktemp(name)
+            module.write(request.module.SCENES[name], ReachTask(), name, folders[name])
+        return folders[name]
+
+    return write
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import subprocess
 
 import gymnasium as gym
 import numpy as np
@@ -11,15 +10,13 @@ from gymnasium.utils.seeding import np_random
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.tasks import ReachTask
-from redundant_envs.web import module
 
 pytestmark = pytest.mark.long
 
 BEGIN = """
 const { Simulator } = require("./kernel.js"), fs = require("fs");
-const description = JSON.parse(fs.readFileSync("arm.json"));
-const code = new WebAssembly.Module(fs.readFileSync("arm.wasm"));
+const description = JSON.parse(fs.readFileSync(`${NAME}.json`));
+const code = new WebAssembly.Module(fs.readFileSync(`${NAME}.wasm`));
 const made = (lanes = 1) => new Simulator(description, code, lanes);
 const play = (simulator, steps, lane = 0) => {
   for (let k = 0; k < steps; k++) { simulator.actions(lane).fill(0.5); simulator.step(); }
@@ -39,19 +36,12 @@ SCENES = {
 
 
 @pytest.fixture(scope="module")
-def told(node, tmp_path_factory):
+def told(node, written):
     """What a program tells of the simulator of a scene."""
-    folders = {}
 
     def run(name, program):
-        if name not in folders:
-            folders[name] = tmp_path_factory.mktemp(name)
-            module.write(SCENES[name], ReachTask(), "arm", folders[name])
-        done = subprocess.run(
-            [node, "-"], input=BEGIN + program, cwd=folders[name],
-            capture_output=True, text=True, check=True,
-        )  # fmt: skip
-        return json.loads(done.stdout)
+        program = f"const NAME = '{name}';{BEGIN}{program}"
+        return json.loads(node("-", input=program, cwd=written(name)))
 
     return run
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import subprocess
 
 import numpy as np
 import pytest
@@ -40,20 +39,6 @@ SCENES = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    """The folder of a module, written once."""
-    folders = {}
-
-    def write(name):
-        if name not in folders:
-            folders[name] = tmp_path_factory.mktemp(name)
-            module.write(SCENES[name], ReachTask(), name, folders[name])
-        return folders[name]
-
-    return write
-
-
 def here(core, keys, actions):
     """States and outputs of the processor's code, one row for each step and lane."""
     rows = []
@@ -84,8 +69,7 @@ def compared(node, written):
         given = {"lanes": LANES, "parameters": changed or {}, "keys": keys.tolist()}
         (folder / "input.json").write_text(json.dumps({**given, "actions": actions.tolist()}))
         told = folder / "output.bin"
-        command = [node, ROOT / "tests" / "web" / "play.js", folder, name, folder / "input.json", told]
-        subprocess.run(command, capture_output=True, text=True, check=True)
+        node(ROOT / "tests" / "web" / "play.js", folder, name, folder / "input.json", told)
         ours, found = here(core, keys, actions), np.fromfile(told)
         theirs = found[: ours.size].reshape(ours.shape)
         different = np.flatnonzero((ours.view(np.int64) != theirs.view(np.int64)).any(axis=1))
@@ -144,7 +128,6 @@ def test_the_arm_is_that_of_the_equations(name, compared):
 
 def test_the_example_of_the_manual_runs(node, written):
     example = ROOT / "docs" / "examples" / "reach_in_node.js"
-    command = [node, example, str(written("four_r_reach") / "four_r_reach")]
-    lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    lines = node(example, written("four_r_reach") / "four_r_reach").splitlines()
     tolerances = ("0.01", "0.0001", "0.000001", "1e-9", "1e-12")
     assert [line.partition(":")[0] for line in lines[1:]] == [f"to {x} m" for x in tolerances]

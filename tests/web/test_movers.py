@@ -2,7 +2,6 @@
 
 import base64
 import json
-import subprocess
 
 import gymnasium as gym
 import numpy as np
@@ -40,11 +39,11 @@ def test_policies_act_as_stable_baselines3_predicts(arm, learner, node):
     coded = {name: base64.b64encode(x.astype("<f4").tobytes()).decode()
              for name, x in (("weights", weights), ("observations", seen))}  # fmt: skip
     given = json.dumps({**about, **coded})
-    done = subprocess.run([node, "-e", ACT], input=given, capture_output=True, text=True, check=True)
+    acted = json.loads(node("-e", ACT, input=given))
     model = getattr(sb3, learner.upper()).load(folder / "policy.zip", device="cpu")
     exact = layers.Exact(model.policy)(torch.as_tensor(seen)).detach().numpy()
     assert exact.std() > 0.1
-    np.testing.assert_allclose(json.loads(done.stdout), exact, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(acted, exact, rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
