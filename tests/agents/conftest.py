@@ -11,14 +11,13 @@ from pathlib import Path
 
 import pytest
 from run_folders import write_scene_file
-from short_trainings import SMALL, kill_at, small_config
+from short_trainings import SMALL, kill
 
 from agents.__main__ import main
 from redundant_envs.support import modules
 from redundant_envs.support.disk import write_text
 from redundant_envs_train import report
 from redundant_envs_train.evidence import curves
-from redundant_envs_train.training.train import train
 
 
 @pytest.fixture(autouse=True)
@@ -93,10 +92,7 @@ def run(home, tmp_path, monkeypatch):
 def begun(tmp_path_factory):
     """A SAC training that was killed after its replay buffer was full."""
     folder = tmp_path_factory.mktemp("begun") / "run"
-    with pytest.MonkeyPatch.context() as patch:
-        kill_at(1900, patch)
-        with pytest.raises(SystemExit):
-            train(small_config("sac", checkpoint_seconds=1e-9), folder)
+    kill(folder, "sac", checkpoint_seconds=1e-9)
     return folder
 
 

@@ -1,11 +1,13 @@
 """Trainings of seconds: their settings by algorithm, how they are killed, and whether two are equal."""
 
+import pytest
 import torch
 from run_folders import RPRP
 
 from redundant_envs_train.config import Config, checked
 from redundant_envs_train.policies import read_weights
 from redundant_envs_train.training import checkpoint
+from redundant_envs_train.training.train import train
 from redundant_envs_train.training.watch import Watch
 
 TINY = [
@@ -38,8 +40,8 @@ def small_config(case, **more):
     })  # fmt: skip
 
 
-def kill_at(steps, monkeypatch):
-    """Let trainings end without a trace at so many steps: a kill, a few checkpoints after the first."""
+def kill(folder, case, steps=1900, **settings):
+    """A training that ends without a trace at so many steps, a few checkpoints after the first."""
     plain, save = Watch._on_step, checkpoint.save
 
     def on_step(self):
@@ -51,8 +53,11 @@ def kill_at(steps, monkeypatch):
         if model.num_timesteps > 0.9 * steps - 200:
             save(folder, model, *more)
 
-    monkeypatch.setattr(Watch, "_on_step", on_step)
-    monkeypatch.setattr(checkpoint, "save", save_late)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Watch, "_on_step", on_step)
+        patch.setattr(checkpoint, "save", save_late)
+        with pytest.raises(SystemExit):
+            train(small_config(case, **settings), folder)
 
 
 def assert_same_policy(one, other):

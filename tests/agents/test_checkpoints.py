@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import torch
 from run_folders import POLICIES, TUNES, Evil, change, kept, members, write_members
-from short_trainings import CASES, REPLAY, assert_same_policy, kill_at, small_config
+from short_trainings import CASES, REPLAY, assert_same_policy, kill, small_config
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from redundant_envs.envs.sb3 import make_sb3
@@ -28,14 +28,6 @@ from redundant_envs_train.training.train import resume, train
 from redundant_envs_train.training.watch import Watch
 
 LONG = pytest.mark.long
-
-
-def kill(folder, case, patch, steps=1900, **settings):
-    """A training that is killed at so many steps."""
-    with patch.context() as inside:
-        kill_at(steps, inside)
-        with pytest.raises(SystemExit):
-            train(small_config(case, **settings), folder)
 
 
 def table(folder, name, without):
@@ -58,13 +50,13 @@ def changed_state(folder):
 
 @pytest.mark.quick("ppo")
 @pytest.mark.parametrize("case", [c if c in ("ppo", "sac") else pytest.param(c, marks=LONG) for c in CASES])
-def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monkeypatch):
+def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(small_config(case), whole)
     if case == "sac":
         shutil.copytree(begun, killed)
     else:
-        kill(killed, case, monkeypatch, {"her": 3800}.get(case, 1900), checkpoint_seconds=1e-9)
+        kill(killed, case, {"her": 3800}.get(case, 1900), checkpoint_seconds=1e-9)
     with changed_state(killed) as state:
         state["elapsed"] += 1000.0
     np.random.rand()  # what happened in between does not matter
@@ -79,10 +71,10 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path, monke
     assert not find_checkpoint(killed)
 
 
-def test_points_of_the_log_stand_where_they_were_measured_also_after_a_kill(tmp_path, monkeypatch):
+def test_points_of_the_log_stand_where_they_were_measured_also_after_a_kill(tmp_path):
     """The last one comes between the last checkpoint and the kill, at 1856 steps, and is measured again."""
     log = {"curve_every": 370, "telemetry": ["tensorboard", "csv"]}
-    kill(tmp_path, "ppo", monkeypatch, checkpoint_seconds=1e-9, **log)
+    kill(tmp_path, "ppo", checkpoint_seconds=1e-9, **log)
     measured = table(tmp_path, "selection.csv", 1)
     resume(tmp_path)
     rows = table(tmp_path, "selection.csv", 1)
@@ -94,12 +86,10 @@ def test_points_of_the_log_stand_where_they_were_measured_also_after_a_kill(tmp_
     assert later["time/total_timesteps"] == "1856"
 
 
-def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(
-    tmp_path, monkeypatch, capsys, refused
-):
+def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(tmp_path, capsys, refused):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     train(small_config("ppo"), whole)
-    kill(killed, "ppo", monkeypatch, checkpoint_seconds=600)
+    kill(killed, "ppo", checkpoint_seconds=600)
     (killed / "notes.txt").write_text("of the user")
     with alone(killed, "trains"):
         refused(["resume", killed], f"another process trains in {killed}; wait for its end")
@@ -112,9 +102,9 @@ def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(
     assert_same_policy(whole, killed)
 
 
-def test_what_is_no_stopped_training_does_not_begin_again(tmp_path, monkeypatch, refused):
+def test_what_is_no_stopped_training_does_not_begin_again(tmp_path, refused):
     shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "exported")
-    kill(tmp_path / "without", "ppo", monkeypatch, checkpoint_seconds=0)
+    kill(tmp_path / "without", "ppo", checkpoint_seconds=0)
     with alone(tmp_path / "without", "trains"), pytest.raises(ValueError, match="another process trains in"):
         resume(tmp_path / "without")  # which is not judged while it may still be training
     before = kept(tmp_path)

@@ -8,7 +8,6 @@ import pytest
 import torch
 from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import PPO, SAC, TD3
-from torch.nn import functional
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.config import Config, checked
@@ -136,69 +135,47 @@ def close(found, expected):
 
 @pytest.mark.long
 @pytest.mark.parametrize(("algo", "env"), [("sac", "FourRReach-v0"), ("her", "RPRPGoalReach-v0")])
-def test_the_actor_and_critic_steps_of_sac_follow_the_derivatives_of_their_losses(algo, env):
+def test_smoothness_adds_its_derivatives_to_the_actor_of_sac(algo, env):
+    """The rest of its gradients is that of stable-baselines3, as the test above has it."""
     at_goal = {"smoothness_at_goal": 2.0} if algo == "her" else {}
-    model = make(algo, env, policy_delay=1, smoothness=0.3, ent_coef=0.05, **at_goal)
+    model = make(algo, env, smoothness=0.3, **at_goal)
     model.learn(1700 if algo == "her" else 300)
-    actor, critics = model.networks["actor"], model.networks["critics"]
-    sample = model.replay_buffer.sample(32)
+    actor, sample, found = model.networks["actor"], model.replay_buffer.sample(32), []
     now, after = model.inputs(sample.observations), model.inputs(sample.next_observations)
-    before = {name: n.vector.clone() for name, n in model.networks.items()}
-    steps = []
-    for name in ("actor", "critics"):
-        model.adams[name].step = lambda rate, name=name: steps.append(name)  # look at gradients alone
-    with torch.no_grad():
-        drawn = model._draw(torch.cat([after, now]))
-        discounts = model.gamma * (1.0 - sample.dones)
-        chosen = torch.cat([torch.cat([after, now]), drawn.actions], 1)
-        model._update_critics(
-            torch.cat([now, sample.actions], 1), chosen[:32], sample.rewards, discounts, drawn.log_prob[:32],
-            0.0,
-        )  # fmt: skip
-        found_critics = critics.gradient.clone()
-        model._update_actor(chosen[32:], drawn, model._smoothness(sample.rewards), 0.0)
-    assert steps == ["critics", "actor"]
-
-    # the same losses through stable-baselines3's modules and torch's graph
     model.write_networks()
     policy = copy.deepcopy(model.policy)
-    raw, raw_after = sample.observations, sample.next_observations
-    mean, log_std, _ = policy.actor.get_action_dist_params(raw)
-    noise = drawn.noise[32:] / drawn.outputs[32:, 4:].clamp(-20, 2).exp()
-    u = mean + log_std.exp() * noise
-    log_prob = torch.distributions.Normal(mean, log_std.exp()).log_prob(u).sum(1)
-    log_prob = log_prob - torch.log1p(-torch.tanh(u).double().square()).sum(1).float()
-    with torch.no_grad():
-        mean_after = policy.actor.get_action_dist_params(raw_after)[0]
-        ahead = torch.min(*policy.critic_target(raw_after, drawn.actions[:32]))[:, 0]
-        goals = sample.rewards[:, 0] + discounts[:, 0] * (ahead - 0.05 * drawn.log_prob[:32, 0])
-    values = policy.critic(raw, torch.tanh(u))
-    near = (torch.tanh(mean) - torch.tanh(mean_after)).square().sum(1)
+    model.adams["actor"].step = lambda rate: None  # look at gradients alone
+    for weights in (model._smoothness(sample.rewards), torch.zeros(32, 1)):
+        torch.manual_seed(1)
+        with torch.no_grad():
+            drawn = model._draw(torch.cat([after, now]))
+            model._update_actor(torch.cat([now, drawn.actions[32:]], 1), drawn, weights, 0.0)
+        found.append([w[0].clone() for w in actor._dweights[1:]])
+
+    # the same loss through stable-baselines3's modules and torch's graph
+    here, there = (
+        torch.tanh(policy.actor.get_action_dist_params(seen)[0])
+        for seen in (sample.observations, sample.next_observations)
+    )
     weights = torch.full((32,), 0.3)
     if at_goal:
         reached = sample.rewards[:, 0] == 1.0
         assert 0 < reached.sum() < 32
         weights[reached] = 2.0
-    (0.05 * log_prob - torch.min(*values)[:, 0] + weights * near).mean().backward()
-    head = torch.cat([policy.actor.mu.weight.grad, policy.actor.log_std.weight.grad])
-    close((w[0] for w in actor._dweights[1:]), (policy.actor.latent_pi[2].weight.grad, head))
-    policy.critic.zero_grad()
-    sum(0.5 * functional.mse_loss(q[:, 0], goals) for q in policy.critic(raw, sample.actions)).backward()
-    weights = critics._parts(found_critics)[0]
-    for k, q in enumerate(policy.critic.q_networks):
-        close((weights[1][k], weights[2][k]), (q[2].weight.grad, q[4].weight.grad))
-    for name, vector in before.items():
-        assert torch.equal(model.networks[name].vector, vector)
+    (weights * (here - there.detach()).square().sum(1)).mean().backward()
+    head = policy.actor.mu.weight.grad
+    expected = policy.actor.latent_pi[2].weight.grad, torch.cat([head, torch.zeros_like(head)])
+    close((one - none for one, none in zip(*found, strict=True)), expected)
 
 
 @pytest.mark.parametrize("env", ["RPRPReach-v0", "FourRGoalReach-v0"])
-def test_the_steps_of_ppo_follow_the_derivatives_of_its_losses(env):
-    model = make("ppo", env, ent_coef=0.01, vf_coef=0.7, smoothness=0.3)
+def test_smoothness_adds_its_derivatives_to_the_actor_of_ppo(env):
+    """The rest of its gradients is that of stable-baselines3, as the test above has it."""
+    model = make("ppo", env)
     model.learn(64)
-    actor, critic = model.networks["actor"], model.networks["values"]
+    actor, found = model.networks["actor"], []
     torch.manual_seed(1)
-    buffer = model.rollout_buffer
-    sample = next(iter(buffer.get(64)))
+    sample = next(iter(model.rollout_buffer.get(64)))
     neighbours = torch.rand(2, 64, 4) * 2.0 - 1.0
     there = torch.randint(0, 2, (2, 64, 1)).float()
     with torch.no_grad():
@@ -207,32 +184,20 @@ def test_the_steps_of_ppo_follow_the_derivatives_of_its_losses(env):
         model.read_networks()
         actions = model.policy.get_distribution(sample.observations).sample()
         old = model.policy.evaluate_actions(sample.observations, actions)[1]
-        old += 0.3 * torch.randn(64)  # so that some ratios are clipped
         columns = [c[:, None] for c in (old, sample.advantages, sample.returns)]
-        given = model.inputs(sample.observations), actions
         both = (there * neighbours).sum(0), there.sum(0)
-        model._set_gradients([*given, *columns, *both], 0.2, 0.01)
+        for model.smoothness in (0.3, 0.0):
+            model._set_gradients([model.inputs(sample.observations), actions, *columns, *both], 0.2, 0.01)
+            found.append([w[0].clone() for w in actor._dweights[1:]])
     policy = copy.deepcopy(model.policy)
-    values, log_prob, entropy = policy.evaluate_actions(sample.observations, actions)
     means = policy.get_distribution(sample.observations).distribution.mean
     inside = means.clamp(-1.0, 1.0)
     assert 0.1 < (inside == means).float().mean() < 0.9
     apart = inside - neighbours
     squares = there * (apart.square() + 2.0 * (means - inside) * apart)  # beyond the bounds a straight line
-    advantages = sample.advantages
-    advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-    ratio = (log_prob - old).exp()
-    surrogate = torch.min(advantages * ratio, advantages * ratio.clamp(0.8, 1.2)).mean()
-    value_loss = functional.mse_loss(sample.returns, values.flatten())
-    smoothness = 0.3 * squares.sum((0, 2)).mean()
-    (-surrogate - 0.01 * entropy.mean() + 0.7 * value_loss + smoothness).backward()
-    nets = policy.mlp_extractor
-    close(
-        [actor.dextra, *(w[0] for w in actor._dweights[1:]),
-         critic._dweights[2][0], critic._dbiases[0][0, 0]],
-        [policy.log_std.grad, *(layer.weight.grad for layer in (nets.policy_net[2], policy.action_net)),
-         policy.value_net.weight.grad, nets.value_net[0].bias.grad],
-    )  # fmt: skip
+    (0.3 * squares.sum((0, 2)).mean()).backward()
+    layers = policy.mlp_extractor.policy_net[2], policy.action_net
+    close((one - none for one, none in zip(*found, strict=True)), (layer.weight.grad for layer in layers))
 
 
 def test_actions_are_smooth_within_episodes_and_not_from_one_to_the_next():
