@@ -169,7 +169,6 @@ for name in ("__main__", "algebra", "effects", "robots.arm", "scenes.scene", "ta
 """
 
 
-@pytest.mark.long
 def test_a_module_works_as_the_first_import():
     run = subprocess.run([sys.executable, "-c", FIRST_IMPORTS], capture_output=True, text=True)
     assert (run.returncode, run.stdout) == (0, ""), run.stderr

@@ -120,22 +120,16 @@ def test_a_recovered_environment_imports_the_modules_of_the_command(tmp_path, mo
     assert sys.modules.pop("of_a_user")
 
 
-def stop(*given):
-    raise KeyboardInterrupt
-
-
-def fail(*given):
-    raise OSError("the disk is broken")
-
-
-@pytest.mark.parametrize(("end", "status"), [(stop, 130), (fail, 2)])
+@pytest.mark.parametrize(("end", "status"), [(KeyboardInterrupt(), 130), (OSError("the disk is broken"), 2)])
 def test_a_dataset_that_was_not_finished_leaves_nothing(end, status, call, tmp_path, monkeypatch):
     made, batches = gym.make_vec, []
 
     def make_vec(*given, **more):
         (part,) = tmp_path.iterdir()
         batches.append([path.stat().st_size for path in part.rglob("main_data.hdf5")])
-        return end() if len(batches) > 1 else made(*given, **more)
+        if len(batches) > 1:
+            raise end
+        return made(*given, **more)
 
     monkeypatch.setattr(dataset, "LANES", 10)
     monkeypatch.setattr(gym, "make_vec", make_vec)

@@ -134,12 +134,6 @@ def test_a_clip_has_as_many_frames_as_memory_has_room_for(tmp_path, monkeypatch,
     assert len(imageio.mimread(tmp_path / "a.gif")) == 3
 
 
-def in_another_scene(folder):
-    """Give a run folder the scene of another friction."""
-    write_scene_file(Path(), 8.0)
-    Path("mine.yaml").rename(folder / "scene.yaml")
-
-
 def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(run, call):
     own = data(run)
     write_scene_file(Path(), 8.0)
@@ -151,7 +145,7 @@ def test_an_evaluation_is_of_the_scene_of_the_run_whatever_became_of_the_file(ru
     call("report", run, "--force")  # it evaluates a run that has no evaluation; the pictures are there
     assert data(run) == own
     assert "Simulated in the run's own scene" in (run / "report.md").read_text()
-    in_another_scene(run)  # shows that the test can fail: friction changes the evaluation
+    Path("mine.yaml").rename(run / "scene.yaml")  # the test can fail: friction changes the evaluation
     call("evaluate", run, "--out", "other")
     assert data("other")["expert_mean_return"] != own["expert_mean_return"]
 

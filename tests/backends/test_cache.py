@@ -115,23 +115,17 @@ def test_a_folder_in_the_place_of_a_file_stays_and_memory_serves(folder, load, p
     assert (folder / place / "mine").read_text() == "?"
 
 
-@pytest.fixture
-def held(folder):
-    """The lock of the program is held elsewhere, and the program is not there."""
+@unix
+def test_a_lock_held_elsewhere_is_waited_for_aloud_and_not_for_ever(folder, load, monkeypatch):
     import fcntl
 
+    monkeypatch.setattr(cache, "SILENT_WAIT", 0.01)
+    monkeypatch.setattr(cache, "LONGEST_WAIT", 0.05)
     (folder / NAME).unlink()
     with (folder / LOCK).open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        yield folder
-
-
-@unix
-def test_a_lock_held_elsewhere_is_waited_for_aloud_and_not_for_ever(held, load, monkeypatch):
-    monkeypatch.setattr(cache, "SILENT_WAIT", 0.01)
-    monkeypatch.setattr(cache, "LONGEST_WAIT", 0.05)
-    warned, told = load(held)
-    assert f"another process has held {held / LOCK} for 0 s" in warned
+        warned, told = load(folder)
+    assert f"another process has held {folder / LOCK} for 0 s" in warned
     assert told.count("waiting for another process that makes a test (it has locked") == 1
     assert ALONE in told
 

@@ -91,28 +91,16 @@ EDITS = {
 """Files, texts in them, and what replaces these."""
 
 
-@pytest.fixture
-def edited(environment):
-    """A function that edits a file of the copy until the test ends."""
-    root, _ = environment
-    before = {}
-
-    def edit(file, old, new):
-        path = root / file
-        before[path] = path.read_text()
-        assert before[path].count(old) >= 1
-        path.write_text(before[path].replace(old, new))
-
-    yield edit
-    for path, text in before.items():
-        path.write_text(text)
-
-
 @pytest.mark.parametrize("change", EDITS)
-def test_no_edit_gets_an_old_environment(environment, edited, change):
-    root, numbers = environment
-    edited(*EDITS[change])
-    assert first_step(root)[0] != numbers
+def test_no_edit_gets_an_old_environment(environment, change):
+    (root, numbers), (file, old, new) = environment, EDITS[change]
+    before = (root / file).read_text()
+    assert old in before
+    (root / file).write_text(before.replace(old, new))
+    try:
+        assert first_step(root)[0] != numbers
+    finally:
+        (root / file).write_text(before)
 
 
 def test_of_processes_that_start_at_once_one_compiles(tmp_path):

@@ -187,19 +187,15 @@ def test_files_and_notebooks_show_the_motion_in_real_time(tmp_path):
 
 def test_one_motion_of_a_batch_is_chosen_and_what_cannot_be_drawn_is_refused():
     scene = rde.Scene(EQUAL["4R"])
-    flat, batch, index = (
-        still(scene),
-        still(scene, (2, 3)),
-        "index is .*trajectory has .*; (give index|leave)",
-    )
+    batch, index = still(scene, (2, 3)), "index is .*trajectory has .*; (give index|leave)"
     batch.q[:, 1, 2] = 1.0
     one, other, same = (rde.animate(batch, index=k).frame(0) for k in ((0, 0), (1, 2), (-1, -1)))
     assert (one != other).any()
     np.testing.assert_array_equal(other, same)
     for trajectory, chosen, words in (
-        (flat, 0, index),
+        (still(scene), 0, index),
         *((still(scene, (2,)), k, index) for k in (None, 2, (0, 0), True, "last")),
-        (dataclasses.replace(flat, t=np.zeros(0)), None, "trajectory has no times"),
+        (dataclasses.replace(still(scene), t=np.zeros(0)), None, "trajectory has no times"),
         (3, None, r"trajectory is 3; give what redundant_envs\.simulate returns"),
     ):
         with pytest.raises(ValueError, match=f"^{words}"):
