@@ -44,12 +44,8 @@ def test_numbers_and_logarithms_have_the_quantiles_of_their_draws():
     values, counts = np.unique(drawn({"choice": [0.03, 0.0, 0.01]}), return_counts=True)
     np.testing.assert_array_equal(values, [0.0, 0.01, 0.03])
     assert max(counts) - min(counts) <= 1
-    forms = (
-        {"uniform": [1, 2]},
-        {"log_uniform": [1, 2]},
-        {"normal": [1, 1], "within": [0, 1]},
-        {"choice": [1]},
-    )
+    pair, bounded = [1, 2], {"normal": [1, 1], "within": [0, 1]}
+    forms = {"uniform": pair}, {"log_uniform": pair}, bounded, {"choice": pair}
     assert tuple(distribution("range", data).kind for data in forms) == KINDS
 
 
