@@ -90,19 +90,14 @@ def test_json_and_tables_that_would_fill_the_memory(tmp_path, lean, monkeypatch)
     ):  # fmt: skip
         path.write_text(text)
         lean(["table", path if path is rows else path.parent], path.name)
-    for path, most in ((evaluation, 1048576), (rows, 16777216)):
+    journal = tmp_path / "a.journal"
+    tune = ["tune", "rprp_reach_ppo", "--out", tmp_path / "study", "--storage", journal]
+    for words, path, most in (
+        (["table", evaluation.parent], evaluation, 1048576), (["table", rows], rows, 16777216),
+        (["curves", selection.parent], selection, ""), *([(tune, journal, 67108864)] if TUNES else []),
+    ):  # fmt: skip
         sparse(path)
-        words = ["table", path if path is rows else path.parent]
         lean(words, f"{path.name} has 2147483648 bytes, more than the {most}")
-    sparse(selection)
-    lean(["curves", selection.parent], "selection.csv has 2147483648 bytes")
-
-
-@pytest.mark.skipif(not TUNES, reason="optuna is in the extra 'tune'")
-def test_a_journal_that_would_fill_the_memory(tmp_path, lean):
-    sparse(tmp_path / "a.journal")
-    words = ["tune", "rprp_reach_ppo", "--out", tmp_path / "study", "--storage", tmp_path / "a.journal"]
-    lean(words, "has 2147483648 bytes, more than the 67108864")
 
 
 def test_arrays_that_claim_more_than_they_have(tmp_path):

@@ -10,7 +10,6 @@ import pytest
 from run_folders import POLICIES, REFUSALS, ROOT, says
 from short_trainings import small_config
 
-from redundant_envs import __main__ as library
 from redundant_envs_train.commands import name_of
 from redundant_envs_train.config import MAX_EPISODES, MAX_SEEDS, Config, load
 from redundant_envs_train.config.fields import limits
@@ -81,15 +80,6 @@ def test_no_two_runs_share_a_seed_of_an_environment_and_none_has_one_of_the_eval
     low, high = KEPT_FOR_GOALS
     assert all(low <= begin and end <= high for begin, end in taken)
     assert not any(low - SEEDS_PER_RUN < seed < high for seed in first)
-
-
-@pytest.mark.parametrize(
-    "words", ["nope", "simulate --nope", "simulate --scene", "verify --states x", "--import"]
-)
-def test_a_mistake_in_a_command_of_the_library_is_one_line_and_status_2(words, capsys):
-    assert library.main(words.split()) == 2
-    out, err = capsys.readouterr()
-    assert (out, err[:16], err.count("\n")) == ("", "redundant_envs: ", 1), err
 
 
 @pytest.mark.quick("train rprp_reach_ppo sed=1", "evaluate nope")

@@ -149,12 +149,6 @@ def test_hyperparameters_are_those_of_the_presets(name):
         assert not beyond or "averaged" not in name
 
 
-def zoo(folder, name, *arguments):
-    """docs/examples/rl_zoo.py on configs/zoo/, with its logs in a folder."""
-    given = ["--num-threads", 1, "--conf-file", f"configs/zoo/{name}.yml", "--log-folder", folder]
-    return python("docs/examples/rl_zoo.py", "--algo", name, "--env", RPRP, *given, *arguments)
-
-
 @without("rl_zoo3")
 @pytest.mark.parametrize(
     ("algo", "envs", "steps", "changed"), [("ppo", 64, 3000, {}), ("sac", 16, 1000, {"learning_starts": 200})]
@@ -162,7 +156,10 @@ def zoo(folder, name, *arguments):
 def test_rl_zoo3_learns_what_agents_train_learns_to_the_same_bits(algo, envs, steps, changed, tmp_path):
     """The evaluations of rl_zoo3 during training change nothing, it saves the average, and it plays it."""
     given = [f"{key}:{value}" for key, value in {**changed, "n_envs": envs, "n_timesteps": steps}.items()]
-    done = zoo(tmp_path, f"averaged_{algo}", "--seed", 3, "--eval-freq", 600, "--hyperparams", *given)
+    name = f"averaged_{algo}"
+    words = ["--algo", name, "--env", RPRP, "--num-threads", 1, "--conf-file", f"configs/zoo/{name}.yml"]
+    words += ["--log-folder", tmp_path, "--seed", 3, "--eval-freq", 600, "--hyperparams", *given]
+    done = python("docs/examples/rl_zoo.py", *words)
     assert done.returncode == 0, done.stderr
     (saved,) = tmp_path.glob("*/*/redundant_envs-*.zip")
     config = checked(
@@ -173,7 +170,7 @@ def test_rl_zoo3_learns_what_agents_train_learns_to_the_same_bits(algo, envs, st
     train(config, tmp_path / "ours")
     assert (saved.parent / "best_model.zip").exists()
     CLASSES[algo].load(saved, device="cpu")  # stable-baselines3 alone takes it
-    words = ["--algo", f"averaged_{algo}", "--env", RPRP, "-f", tmp_path, "--no-render", "-n", 200]
+    words = ["--algo", name, "--env", RPRP, "-f", tmp_path, "--no-render", "-n", 200]
     done = python("docs/examples/rl_zoo.py", "enjoy", *words)
     assert done.returncode == 0, done.stderr
     assert "Success rate: " in done.stdout

@@ -63,7 +63,11 @@ def inside(rng, count=1 << 15):
     }
 
 
-def assert_same(cases):
+def test_it_rounds_as_the_processor_does():
+    rng, special = np.random.default_rng(42), np.array([*itertools.product(OUTSIDE, repeat=3)]).T
+    huge = [numbers(rng, *each, 1 << 15) for each in ((990, 1023), (-1000, -900), (-5, 5))]
+    tiny = [numbers(rng, *each, 1 << 15) for each in ((-600, -480), (-600, -400), (-1074, -900))]
+    cases = inside(rng) | {"huge": huge, "tiny": tiny, "special": special}
     for what, columns in cases.items():
         found, expected = ours(*columns), known(*columns)
         number = ~np.isnan(expected)
@@ -71,22 +75,10 @@ def assert_same(cases):
         np.testing.assert_array_equal(found[number].view(np.int64), expected[number].view(np.int64), what)
 
 
-def test_it_rounds_as_the_processor_does(monkeypatch):
-    """In its range, without the check that leads to the library."""
-    monkeypatch.setattr(llvm_lanes, "rounded_once", lambda *given, checked: rounded_once(*given, False))
-    assert_same(inside(np.random.default_rng(41)))
-
-
-def test_checked_it_does_so_for_all_numbers():
-    rng, special = np.random.default_rng(42), np.array([*itertools.product(OUTSIDE, repeat=3)]).T
-    huge = [numbers(rng, *each, 1 << 15) for each in ((990, 1023), (-1000, -900), (-5, 5))]
-    tiny = [numbers(rng, *each, 1 << 15) for each in ((-600, -480), (-600, -400), (-1074, -900))]
-    assert_same(inside(rng) | {"huge": huge, "tiny": tiny, "special": special})
-
-
-def test_it_rounds_exact_sums():
+def test_in_its_range_it_rounds_exact_sums_without_the_check_that_leads_to_the_library(monkeypatch):
     """Without another function that might share its mistakes: Python rounds fractions correctly."""
-    cases = inside(np.random.default_rng(44), 2000)
+    monkeypatch.setattr(llvm_lanes, "rounded_once", lambda *given, checked: rounded_once(*given, False))
+    cases = inside(np.random.default_rng(44), 1 << 13)
     del cases["special"]
     for what, columns in cases.items():
         exact = [float(Fraction(a) * Fraction(b) + Fraction(c)) for a, b, c in zip(*columns, strict=True)]

@@ -45,11 +45,6 @@ def images(env):
     return [pictures] if isinstance(pictures, np.ndarray) else pictures
 
 
-def is_picture(picture, colours=10):
-    assert (picture.shape, picture.dtype) == ((480, 480, 3), np.uint8)
-    assert len({*(picture.astype(int) @ (65536, 256, 1)).ravel().tolist()}) > colours
-
-
 @pytest.mark.long
 def test_a_window_opens_without_a_warning_and_shows_every_step(goal_id, monkeypatch):
     pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
@@ -241,6 +236,8 @@ def test_every_scene_and_every_effect_of_the_package_is_drawn():
     scenes += [rde.Scene(arm, with_example(kind, arm)) for kind in more for arm in EQUAL.values()]
     for scene in scenes:
         moving = rde.animate(still(scene))
-        is_picture(moving.frame(0))
+        picture = moving.frame(0)
+        assert (picture.shape, picture.dtype) == ((480, 480, 3), np.uint8)
+        assert len({*(picture.astype(int) @ (65536, 256, 1)).ravel().tolist()}) > 10  # colours
         moving._q = np.full_like(moving._q, np.nan)  # as after a fault
         moving.frame(0)

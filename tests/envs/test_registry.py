@@ -14,7 +14,6 @@ import pytest
 from faces import FOUR_R, KINDS, RANGES, actions, begin, drawing, made, running
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
@@ -31,11 +30,6 @@ def test_checkers_pass_without_a_warning(env_id):
         check_env(gym.make(env_id, render_mode="rgb_array").unwrapped)
         sb3_check_env(gym.make(env_id).unwrapped)
         rde.check_vec_env(made("sb3", env_id, 5))
-        modes = [
-            gym.make_vec(env_id, num_envs=3, **mode).metadata["autoreset_mode"]
-            for mode in ({}, {"autoreset_mode": AutoresetMode.SAME_STEP})
-        ]
-    assert modes == [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP]
 
 
 class Name(enum.StrEnum):
@@ -98,12 +92,11 @@ def test_an_id_without_a_limit_has_none(mode):
         del gym.registry[name]
 
 
-@pytest.mark.parametrize("limit", [100, 2**53])
-def test_an_episode_is_truncated_at_its_limit_exactly(limit):
+def test_an_episode_is_truncated_at_its_limit_exactly():
     """Its count set to two steps before: float64 counts exactly that far."""
-    env = made("next_step", FOUR_R, 2, max_episode_steps=limit)
+    env = made("next_step", FOUR_R, 2, max_episode_steps=2**53)
     env.reset(seed=0)
-    env.core.memory.write(("steps",), float(limit - 2))
+    env.core.memory.write(("steps",), float(2**53 - 2))
     truncated = [env.step(np.zeros((2, 4), np.float32))[3].tolist() for _ in range(2)]
     assert truncated == [[False, False], [True, True]]
 
