@@ -67,24 +67,6 @@ def run_folder(path, arm="4R", seed=0, hold=0.5, **env_kwargs):
     return write_run(path, seed, env, algo, settings=config, episodes=100, **facts)
 
 
-def test_runs_become_rows_by_arm_factor_and_learner(tmp_path):
-    rows = learner_rows([
-        run_folder(tmp_path / "a", "4R", 0, 0.6, scene=weakened("four_r_reach", 0.4)),
-        run_folder(tmp_path / "b", "4R", 1, 0.8, scene=weakened("four_r_reach", 0.4)),
-        run_folder(tmp_path / "c", "4R", 0, 0.9),
-        run_folder(tmp_path / "d", "RPRP", 0, 0.7, scene="rprp_weak"),
-    ])  # fmt: skip
-    both, *_ = rows
-    assert [(row.arm, row.factor, row.who) for row in rows] == [
-        ("4R", 0.4, "PPO"), ("4R", 1.0, "PPO"), ("RPRP", 0.5, "SAC")
-    ]  # fmt: skip
-    assert (both.seeds, both.episodes) == (2, 100)
-    found = (both.hold_success, both.low, both.high, both.touch_success)
-    assert found == pytest.approx((0.7, 0.55, 0.85, 0.8))
-    assert rows[2].hold_success == 0.7
-    assert learner_rows([]) == []
-
-
 def test_only_finished_runs_of_one_setting_and_of_the_reach_task_are_joined(tmp_path):
     first, third, stopped = (run_folder(tmp_path / name, "4R", k) for k, name in enumerate("abc"))
     (stopped / "training.json").write_text('{"stopped": true, "env_steps": 1, "train_seconds": 1.0}')
@@ -92,6 +74,8 @@ def test_only_finished_runs_of_one_setting_and_of_the_reach_task_are_joined(tmp_
     longer = run_folder(tmp_path / "f", max_episode_steps=50)
     heavier = weakened("four_r_reach", 0.5)
     heavier["robot"]["masses"][0] = 0.6
+    (row,) = learner_rows([run_folder(tmp_path / "d", "RPRP", 0, 0.7, scene="rprp_weak")])
+    assert (row.arm, row.factor, row.who, row.hold_success) == ("RPRP", 0.5, "SAC", 0.7)
     results = ROOT / "docs" / "results"
     for folders, *words in (
         ([first, third], "has other settings than other runs; give runs of one setting"),
@@ -128,7 +112,7 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     def train_many(configs, folder, processes):
         trained.update(configs)
         for name, config in configs.items():
-            run_folder(folder / name, "4R", config.seed, 0.25, scene=config.env_kwargs["scene"])
+            run_folder(folder / name, "4R", config.seed, 0.2 + 0.2 * config.seed, **config.env_kwargs)
 
     monkeypatch.setattr(strength, "train_many", train_many)
     monkeypatch.setattr(strength, "TRAINED", ("ppo",))
@@ -141,5 +125,9 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     weak = preset | {"env_kwargs": {"scene": weakened("four_r_reach", 0.5)}}
     assert trained["4r_ppo_0.5_seed1"].to_dict() == weak
     rows = [row for row in strength.read_rows(tmp_path / "study/strength.csv") if row.who == "PPO"]
-    found = sorted((row.factor, row.hold_success, row.seeds) for row in rows)
-    assert found == [(0.5, 0.25, 2), (1.0, 0.9, 1)]
+    weak, strong = sorted(rows, key=lambda row: row.factor)
+    assert [(row.arm, row.factor, row.seeds, row.episodes) for row in (weak, strong)] == [
+        ("4R", 0.5, 2, 100), ("4R", 1.0, 1, 100)
+    ]  # fmt: skip
+    found = (weak.hold_success, weak.low, weak.high, weak.touch_success, strong.hold_success)
+    assert found == pytest.approx((0.3, 0.15, 0.45, 0.4, 0.9))

@@ -78,7 +78,6 @@ def test_a_mass_turns_round_at_an_elastic_stop_which_is_given_as_limits():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"effects": (e.LimitSpring("joint2", -2.0, 2.0),)}, "LimitSpring"),
         ({"effects": (e.JointStop((-2.0,) * 4, (2.0,) * 4),)}, "JointStop"),
         ({"actuation": "generalized"}, "actuation"),
     ],
