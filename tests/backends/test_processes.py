@@ -136,7 +136,10 @@ def test_no_edit_gets_an_old_environment(environment, edited, change):
 
 REPLACEMENTS = {
     "a constant": "from redundant_envs.simulator.lane import faults; faults.LARGEST_ANGLE = 1.0",
-    "a default": "from redundant_envs.tasks import ReachTask; ReachTask.__init__.__defaults__ = (0.3, 0.2)",
+    "a method": """
+from redundant_envs.tasks import ReachTask
+ReachTask.reward_functions = lambda self, scene, was=ReachTask.reward_functions: was(self, scene)[:1]
+""",
     "the reader": """
 from redundant_envs.support import yaml_reader as yaml
 yaml.parsed = lambda text, where, read=yaml.parsed: read(text.replace("9.81", "1.62"), where)

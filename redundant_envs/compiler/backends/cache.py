@@ -123,7 +123,7 @@ def _content(name: str, what: str, make: Callable[[str], bytes]) -> bytes:
             _write_whole(path, _checksum(path, data) + data)
             _prune(path.parent)
         if damaged:
-            warnings.warn(f"{path} was damaged or not ours; {what} is made again", stacklevel=3)
+            warnings.warn(f"{path} was damaged or not ours; it is made again", stacklevel=3)
     except OSError as error:  # another user's folder, no file lock, no space left
         if (folder := cache_folder()) not in _warned:
             _warned.add(folder)
