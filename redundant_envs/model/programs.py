@@ -121,18 +121,18 @@ KEPT_SIMULATORS = 64  # traced once for all their users; the least recently used
 _kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
 
 
-def _kept_or_made(make: Callable[[Scene, str], Simulator], scene: Scene, *more: Any) -> Simulator:
+def _kept_or_made(make: Callable[..., Simulator], scene: Scene, *more: Any) -> Simulator:
     """A simulator: of parts of this package a cached one, and one with a name, else a new one without."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool | tuple)))
     loaded = loaded_code(__name__)
     if not loaded.digest or not all(map(loaded.tells, parts)):
-        return make(scene.bound_anew(), "")
+        return make(scene.bound_anew(), *more)
     method = METHODS[scene.integrator]  # one from outside has no fixed meaning
     name = repr((scene, *more, llvm.processor()))  # shows the sign of a zero, which equality does not
     kept = loaded.digest, method, name
     if kept not in _kept:
         text = f"{loaded.digest}\0{method}\0{name}"
-        _kept[kept] = make(scene.bound_anew(), hashlib.sha256(text.encode()).hexdigest()[:40])
+        _kept[kept] = make(scene.bound_anew(), *more, hashlib.sha256(text.encode()).hexdigest()[:40])
     _kept.move_to_end(kept)
     if len(_kept) > KEPT_SIMULATORS:
         _kept.popitem(last=False)
@@ -141,20 +141,16 @@ def _kept_or_made(make: Callable[[Scene, str], Simulator], scene: Scene, *more: 
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
-    return _kept_or_made(lambda scene, name: traced_batch(scene, track_work), scene, track_work)
+    return _kept_or_made(traced_batch, scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task, observed: tuple[str, ...] = ()) -> Simulator:
     """The simulator of an environment; ``observed`` are fields of parameters that observations show."""
-
-    def make(scene: Scene, name: str) -> Simulator:
-        return traced_environment(scene, task, observed, name)
-
-    return _kept_or_made(make, scene, task, observed)
+    return _kept_or_made(traced_environment, scene, task, observed)
 
 
-def traced_batch(scene: Scene, track_work: bool) -> Simulator:
-    """The simulator of a batch, traced again."""
+def traced_batch(scene: Scene, track_work: bool, name: str = "") -> Simulator:
+    """The simulator of a batch, traced unless there are facts under its ``name``."""
     dynamics = Dynamics(scene, track_work)
 
     def trace() -> Traced:
@@ -162,7 +158,7 @@ def traced_batch(scene: Scene, track_work: bool) -> Simulator:
         begins = [begin_kernel(dynamics)] if dynamics.effect_states.computed else []
         return Program([kernel, *begins]), blocks
 
-    return Simulator(dynamics, trace)
+    return Simulator(dynamics, trace, name=name)
 
 
 def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = (), name: str = "") -> Simulator:

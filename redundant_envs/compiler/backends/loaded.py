@@ -95,6 +95,7 @@ class Loaded(pickle.Pickler):
         digest.update(file.getbuffer())
         self.digest = digest.hexdigest() if self._is_own else ""
         self._before = [scope.copy() for scope in self._scopes], [*map(_codes, self._functions)]
+        self.forget()
 
     def is_changed(self) -> bool:
         """Whether a module, a class, a function or a table of these is not what it was, in some 0.5 ms."""
@@ -104,15 +105,13 @@ class Loaded(pickle.Pickler):
             return True
 
     def forget(self) -> None:
-        """Clear the caches of the package's functions."""
+        """Clear the caches of its functions."""
         for clear in self._caches:
             clear()
 
     def tells(self, part: Any) -> bool:
         """Whether the class of a part of a scene is told, or that of which it was made."""
         return id(getattr(part, "maker", type(part))) in self._seen
-
-    # ---- what is told ------------------------------------------------------------------------------------
 
     def persistent_id(self, value: Any) -> Any:
         """What a value is made of; None if a pickle shows it as it is, and a number if it was told before."""
@@ -137,13 +136,11 @@ class Loaded(pickle.Pickler):
         if isinstance(value, Enum):
             return kind, repr(value)
         if isinstance(value, tuple | list | dict):
-            return kind, [*value], isinstance(value, dict) and [*value.values()]
+            return kind, [*value], [*value.values()] if isinstance(value, dict) else None
         if kind.__module__.partition(".")[0] in (ROOT, "reprlib"):
-            slots = [name for base in kind.__mro__ for name in vars(base).get("__slots__", ())]
-            is_data = dataclasses.is_dataclass(kind)  # others of its names may be cached later
-            fields = dataclasses.fields(kind) if is_data else ()
-            names = [f.name for f in fields] if is_data else [*slots, *getattr(value, "__dict__", ())]
-            return kind, {name: getattr(value, name, None) for name in names}
+            if dataclasses.is_dataclass(kind):  # others of its names may be cached later
+                return kind, [getattr(value, field.name) for field in dataclasses.fields(kind)]
+            return kind, value.__getstate__()
         if kind is ModuleType:
             self._is_own &= sys.modules.get(value.__name__) is value
             return value.__name__, self._traces(value.__name__)
@@ -204,15 +201,11 @@ _loaded: dict[str, Loaded] = {}
 
 
 def loaded_code(maker: str) -> Loaded:
-    """The loaded code that the module ``maker`` uses.
-
-    It is found again when something was replaced; what the package had noted of functions is forgotten then.
-    """
+    """The loaded code that the module ``maker`` uses, found again when something was replaced."""
     loaded = _loaded.get(maker)
     if loaded is None or loaded.is_changed():
         loaded = _loaded[maker] = Loaded(maker)
-        loaded.forget()
-    elif not loaded.digest:
+    if not loaded.digest:
         loaded.forget()
     return loaded
 
