@@ -7,6 +7,7 @@ import copy
 import ctypes
 import dataclasses
 import functools
+import hashlib
 import itertools
 import os
 import threading
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.compiler.backends import cache, llvm
-from redundant_envs.compiler.backends.loaded import replacements
+from redundant_envs.compiler.backends.loaded import loaded_code
 from redundant_envs.compiler.tracing.flow import LANES, Program
 from redundant_envs.compiler.tracing.graph import uncollected
 from redundant_envs.model.memory import Memory, aligned, alone
@@ -42,19 +43,31 @@ Traced = tuple[Program, Blocks]
 
 
 class Simulator:
-    """A scene in compiled code, and the lanes that it works on."""
+    """A scene in compiled code, and the lanes that it works on.
+
+    The scene is traced unless the folder of the user has its code, and facts under its ``name``.
+    """
 
     def __init__(
-        self, dynamics: Dynamics, trace: Callable[[], Traced], episode: Episode | None = None
+        self, dynamics: Dynamics, trace: Callable[[], Traced], episode: Episode | None = None, name: str = ""
     ) -> None:
         self.dynamics, self.episode, self._trace = dynamics, episode, trace
+        facts = cache.facts(name, self._facts)
+        self.program_digest: str = facts["program"]  # scenes share it whose effects have other names
+        self.identity: str = facts["identity"]
+        """A digest of program and fields: equal for scenes that differ in numbers only, on every machine."""
+        self.arguments: dict[str, list[str]] = facts["arguments"]  # names, by kernel
+        self.scratch_size, self.queue_size = facts["scratch_size"], facts["queue_size"]
+
+    def _facts(self) -> dict[str, Any]:
         program, blocks = self._traced
         with uncollected():
-            self.program_digest = cache.identity(program)  # scenes share it whose effects have other names
-        self.identity = cache.with_fields(self.program_digest, blocks.layout.places())
-        """A digest of program and fields: equal for scenes that differ in numbers only, on every machine."""
-        self.arguments = {kernel.name: [*kernel.arguments] for kernel in program.kernels}  # names
-        self.scratch_size, self.queue_size = blocks.scratch_size, blocks.queue_size
+            digest = cache.identity(program)
+        return {
+            "program": digest, "identity": cache.with_fields(digest, blocks.layout.places()),
+            "arguments": {kernel.name: [*kernel.arguments] for kernel in program.kernels},
+            "scratch_size": blocks.scratch_size, "queue_size": blocks.queue_size,
+        }  # fmt: skip
 
     @functools.cached_property
     def features(self) -> Features:
@@ -108,16 +121,18 @@ KEPT_SIMULATORS = 64  # traced once for all their users; the least recently used
 _kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
 
 
-def _kept_or_made(make: Callable[[Scene], Simulator], scene: Scene, *more: Any) -> Simulator:
-    """A simulator: of parts of this package a cached one, else a new one."""
+def _kept_or_made(make: Callable[..., Simulator], scene: Scene, *more: Any) -> Simulator:
+    """A simulator: of parts of this package a cached one, and one with a name, else a new one without."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool | tuple)))
-    if not all(type(part).__module__.partition(".")[0] == "redundant_envs" for part in parts):
-        return make(scene.bound_anew())
+    loaded = loaded_code(__name__)
+    if not loaded.digest or not all(map(loaded.tells, parts)):
+        return make(scene.bound_anew(), *more)
     method = METHODS[scene.integrator]  # one from outside has no fixed meaning
     name = repr((scene, *more, llvm.processor()))  # shows the sign of a zero, which equality does not
-    kept = replacements(), method, name
+    kept = loaded.digest, method, name
     if kept not in _kept:
-        _kept[kept] = make(scene.bound_anew())
+        text = f"{loaded.digest}\0{method}\0{name}"
+        _kept[kept] = make(scene.bound_anew(), *more, hashlib.sha256(text.encode()).hexdigest()[:40])
     _kept.move_to_end(kept)
     if len(_kept) > KEPT_SIMULATORS:
         _kept.popitem(last=False)
@@ -126,16 +141,16 @@ def _kept_or_made(make: Callable[[Scene], Simulator], scene: Scene, *more: Any) 
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     """The simulator of a batch."""
-    return _kept_or_made(lambda scene: traced_batch(scene, track_work), scene, track_work)
+    return _kept_or_made(traced_batch, scene, track_work)
 
 
 def environment_simulator(scene: Scene, task: Task, observed: tuple[str, ...] = ()) -> Simulator:
     """The simulator of an environment; ``observed`` are fields of parameters that observations show."""
-    return _kept_or_made(lambda scene: traced_environment(scene, task, observed), scene, task, observed)
+    return _kept_or_made(traced_environment, scene, task, observed)
 
 
-def traced_batch(scene: Scene, track_work: bool) -> Simulator:
-    """The simulator of a batch, traced again."""
+def traced_batch(scene: Scene, track_work: bool, name: str = "") -> Simulator:
+    """The simulator of a batch, traced unless there are facts under its ``name``."""
     dynamics = Dynamics(scene, track_work)
 
     def trace() -> Traced:
@@ -143,11 +158,11 @@ def traced_batch(scene: Scene, track_work: bool) -> Simulator:
         begins = [begin_kernel(dynamics)] if dynamics.effect_states.computed else []
         return Program([kernel, *begins]), blocks
 
-    return Simulator(dynamics, trace)
+    return Simulator(dynamics, trace, name=name)
 
 
-def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = ()) -> Simulator:
-    """The simulator of an environment, traced again."""
+def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = (), name: str = "") -> Simulator:
+    """The simulator of an environment, traced unless there are facts under its ``name``."""
     episode = Episode(Interval(Dynamics(scene)), task, observed)
 
     def trace() -> Traced:
@@ -155,7 +170,7 @@ def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = ())
         kernels = [made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])]
         return Program(kernels), made.blocks
 
-    return Simulator(episode.dynamics, trace, episode)
+    return Simulator(episode.dynamics, trace, episode, name)
 
 
 def address(array: NDArray[Any]) -> int:

@@ -1,11 +1,14 @@
 """Files of users: YAML that is read as plain data, within bounds, with one clear message on a mistake."""
 
 import contextlib
+import hashlib
+import sys
 from collections.abc import Iterator
 from os.path import exists as exists  # False for a text that cannot be a path
 from pathlib import Path
 from typing import Any
 
+from redundant_envs.compiler.backends import cache
 from redundant_envs.support import bounded
 
 LARGEST_FILE = 1 << 15
@@ -28,6 +31,17 @@ def parse_yaml(text: str, where: str) -> Any:
     from redundant_envs.support.yaml_reader import parsed  # takes a tenth of the time to a first step
 
     return parsed(text, where)
+
+
+def shipped_data(path: Path, what: str) -> Any:
+    """The content of a file of the package. The folder of the user keeps it under what it follows from: the
+    text of the file, and that of a reader that nobody has imported before, and so has not replaced."""
+    text = read_text(path, what)
+    if "yaml" in sys.modules:
+        return parse_yaml(text, str(path))
+    reader = (Path(__file__).parents[1] / "support" / "yaml_reader.py").read_text(encoding="utf-8")
+    name = hashlib.sha256(f"{text}\0{reader}".encode()).hexdigest()[:40]
+    return cache.facts(name, lambda: {"data": parse_yaml(text, str(path))})["data"]
 
 
 def text_value(text: str, where: str) -> Any:

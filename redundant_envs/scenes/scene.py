@@ -19,7 +19,7 @@ from redundant_envs.robots.added_inertia import WithAddedInertia
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
 from redundant_envs.robots.parameters import number
-from redundant_envs.scenes.files import config_folder, exists, explained, read_yaml
+from redundant_envs.scenes.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.scenes.numbers import check_ranges, entries_of, is_of_task
 from redundant_envs.scenes.ranges import plain as plain_ranges
 from redundant_envs.scenes.ranges import ranges
@@ -360,7 +360,7 @@ def scene_data(scene: str | Path) -> Any:
             f"scene is {shown(str(scene))}; there is no such file and no such name: "
             f"{', '.join(scene_names())}"
         )
-    return read_yaml(path, "scene")
+    return read_yaml(path, "scene") if path == Path(scene) else shipped_data(path, "scene")
 
 
 def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | float | None) -> Scene:

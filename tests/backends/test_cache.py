@@ -95,7 +95,7 @@ DAMAGES = {
 def test_a_damaged_file_is_found_told_once_and_compiled_anew(folder, load, damage):
     damage(folder / NAME)
     warned, told = load(folder)
-    assert f"{folder / NAME} was damaged or not ours; it is compiled again" in warned
+    assert f"{folder / NAME} was damaged or not ours; it is made again" in warned
     assert told.count(ONCE) == 1
     assert load(folder) == ("", "")
     assert (folder / NAME).is_file()
@@ -162,9 +162,22 @@ def test_a_process_keeps_the_machine_code_that_it_asked_for_last(folder, load, m
     assert x[0] == 42.0
 
 
+def test_facts_are_kept_and_damaged_ones_found_again(tmp_path, monkeypatch):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
+    found = Mock(return_value={"numbers": [0.1, 2, True]})
+    for _ in range(2):
+        assert cache.facts("f" * 40, found) == found.return_value
+    assert found.call_count == 1
+    DAMAGES["one byte"](tmp_path / f"{'f' * 40}{cache.FACTS}")
+    with pytest.warns(UserWarning, match="damaged or not ours; it is made again"):
+        assert cache.facts("f" * 40, found) == found.return_value
+    cache.facts("f" * 40, found)
+    assert found.call_count == 2
+
+
 def test_the_files_used_last_are_kept_and_nothing_else_is_touched(tmp_path, monkeypatch):
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
-    own = ["a" * 40 + ".lock", "a" * 40 + ".code", "b" * 40 + ".code." + "1" * 16, "c" * 40 + ".code"]
+    own = ["a" * 40 + ".lock", "a" * 40 + ".code", "b" * 40 + ".code." + "1" * 16, "c" * 40 + ".facts"]
     others = ["notes.code", "x" * 40 + ".code", "a" * 39 + ".code", "0" * 40 + ".txt", "0" * 40, "tmp_a3b4"]
     for i, name in enumerate([*own, *others]):
         (tmp_path / name).write_bytes(bytes(150))
@@ -264,7 +277,7 @@ def test_another_users_file_is_replaced(folder, load, monkeypatch):
     fstat, file = os.fstat, (folder / NAME).stat().st_ino
     monkeypatch.setattr(os, "fstat", lambda fd: of_another_user(s) if (s := fstat(fd)).st_ino == file else s)
     warned, told = load(folder)
-    assert "not ours; it is compiled again" in warned
+    assert "not ours; it is made again" in warned
     assert told.count(ONCE) == 1
 
 

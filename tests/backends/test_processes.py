@@ -49,21 +49,28 @@ def program(*arguments):
 
 
 ENVIRONMENT = """
+import sys
 import gymnasium as gym
 import redundant_envs
+{}
+ran = set()
+sys.setprofile(lambda frame, *_: ran.add(frame.f_code.co_qualname))
 env = gym.make("redundant_envs/FourRReach-v0")
+sys.setprofile(None)
 env.reset(seed=0)
 obs, reward, *_ = env.step(env.action_space.low)
 simulator = env.unwrapped.core.simulator
 print(obs.tolist(), reward, simulator.identity)
+print("Simulator._traced" in ran, "yaml" in sys.modules, flush=True)
 """
 
 
-def first_step(root):
-    """The result of a first step, and whether the environment was compiled for it."""
-    numbers, told = program(ENVIRONMENT, root / "cache", root)
+def first_step(root, before=""):
+    """The result of a first step, and whether the scene was traced and YAML was imported for it."""
+    output, told = program(ENVIRONMENT.format(before), root / "cache", root)
     assert "damaged" not in told
-    return numbers, "compiling" in told
+    numbers, how = output.splitlines()
+    return numbers, how
 
 
 @pytest.fixture(scope="module")
@@ -73,34 +80,95 @@ def environment(tmp_path_factory):
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "redundant_envs", root / "redundant_envs", ignore=ignored)
     shutil.copytree(ROOT / "configs", root / "configs")
-    numbers, compiled = first_step(root)
-    assert compiled
+    numbers, how = first_step(root)
+    assert how == "True True"
     return root, numbers
 
 
-def test_an_environment_that_is_known_is_not_compiled_again(environment):
+def test_an_environment_that_is_known_is_neither_traced_nor_read_from_yaml(environment):
     root, numbers = environment
-    assert first_step(root) == (numbers, False)
+    assert first_step(root) == (numbers, "False False")
 
 
 EDITS = {
     "a function": ("redundant_envs/tasks/reach.py", "return 0.25 * tol", "return 0.75 * tol"),
     "what a function gives": ("redundant_envs/tasks/reach.py", '"goal_x goal_y"', '"goal_y goal_x"'),
     "the scene": ("configs/scenes/four_r_reach.yaml", "g: 9.81", "g: 1.62"),
+    "the reader": ("redundant_envs/support/yaml_reader.py", "else float(re.sub", "else 2 * float(re.sub"),
 }
 """Files, texts in them, and what replaces these."""
 
 
+@pytest.fixture
+def edited(environment):
+    """A function that edits a file of the copy until the test ends."""
+    root, _ = environment
+    before = {}
+
+    def edit(file, old, new, keep_time=False):
+        path = root / file
+        before[path] = path.read_text()
+        times = path.stat()
+        assert before[path].count(old) >= 1
+        path.write_text(before[path].replace(old, new))
+        if keep_time:
+            assert len(old) == len(new)
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+    yield edit
+    for path, text in before.items():
+        path.write_text(text)
+
+
 @pytest.mark.parametrize("change", EDITS)
-def test_no_edit_gets_an_old_environment(environment, change):
-    (root, numbers), (file, old, new) = environment, EDITS[change]
-    before = (root / file).read_text()
-    assert old in before
-    (root / file).write_text(before.replace(old, new))
-    try:
-        assert first_step(root)[0] != numbers
-    finally:
-        (root / file).write_text(before)
+def test_no_edit_gets_an_old_environment(environment, edited, change):
+    root, numbers = environment
+    edited(*EDITS[change])
+    assert first_step(root)[0] != numbers
+
+
+REPLACEMENTS = {
+    "a constant": "from redundant_envs.simulator.lane import faults; faults.LARGEST_ANGLE = 1.0",
+    "a method": """
+from redundant_envs.tasks import ReachTask
+ReachTask.reward_functions = lambda self, scene, was=ReachTask.reward_functions: was(self, scene)[:1]
+""",
+    "the reader": """
+from redundant_envs.support import yaml_reader as yaml
+yaml.parsed = lambda text, where, read=yaml.parsed: read(text.replace("9.81", "1.62"), where)
+""",
+}
+"""Code that replaces a part of the package before its first scene is made."""
+
+
+@pytest.mark.parametrize("part", REPLACEMENTS)
+def test_what_a_process_replaced_neither_meets_nor_leaves_an_old_environment(environment, part):
+    root, numbers = environment
+    assert first_step(root, REPLACEMENTS[part])[0] != numbers
+    assert first_step(root) == (numbers, "False False")
+
+
+def test_a_file_edited_after_its_import_leaves_no_old_environment_behind(environment, edited):
+    root, numbers = environment
+    file, old, new = EDITS["what a function gives"]
+    edited(file, old, old)
+    late = (
+        "import pathlib; from redundant_envs.tasks import reach; path = pathlib.Path(reach.__file__)\n"
+        f"path.write_text(path.read_text().replace({old!r}, {new!r}))"
+    )
+    assert first_step(root, late) == (numbers, "True False")
+    assert first_step(root)[0] != numbers
+
+
+def test_old_bytecode_leaves_no_old_environment_behind(environment, edited, monkeypatch):
+    root, numbers = environment
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "")
+    monkeypatch.setenv("PYTHONPYCACHEPREFIX", str(root / "bytecode"))
+    assert first_step(root) == (numbers, "False False")
+    edited(*EDITS["a function"], keep_time=True)
+    assert first_step(root) == (numbers, "True False")  # by Python's own bytecode of the file
+    shutil.rmtree(root / "bytecode")
+    assert first_step(root)[0] != numbers
 
 
 def test_of_processes_that_start_at_once_one_compiles(tmp_path):

@@ -1,12 +1,15 @@
-"""A replaced function, class or number is followed by the next simulator."""
+"""A replaced function, class or number is followed by the next simulator and the next process."""
 
 import dataclasses
+import importlib
 import sys
 
 import pytest
 
 import redundant_envs as rde
+from redundant_envs.compiler.backends.loaded import loaded_code
 from redundant_envs.language.algebra import physics, tolerance
+from redundant_envs.model import programs
 from redundant_envs.model.programs import batch_simulator, environment_simulator
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.simulator.lane import faults
@@ -61,16 +64,24 @@ def put(monkeypatch, owner, name, value):
         monkeypatch.setattr(owner, name, value)
 
 
+def code():
+    return loaded_code(programs.__name__).digest
+
+
 @pytest.mark.parametrize("member", MEMBERS)
-def test_a_replacement_is_followed(member, monkeypatch):
+def test_a_replacement_is_followed_in_this_process_and_the_next_one(member, monkeypatch):
     owner, name, made = MEMBERS[member]
     before = environment_simulator(SCENE, ReachTask()).identity
     found = {before}
+    names = {(code(), METHODS["rk4"])}
+    assert code()
     for scale in (0.5, 0.25):
         with monkeypatch.context() as context:
             put(context, owner, name, made(scale))
             found.add(environment_simulator(SCENE, ReachTask()).identity)
+            names.add((code() or f"traced with {scale}", METHODS["rk4"]))
     assert len(found) == 1 + 2
+    assert len(names) == 3
     assert environment_simulator(SCENE, ReachTask()).identity == before
 
 
@@ -108,3 +119,14 @@ def test_functions_from_outside_are_followed_too(monkeypatch):
         monkeypatch.setattr(owner, name, value)
         found.append(batch_simulator(scene, False).identity)
     assert len({*found}) == len(found)
+
+
+def test_a_file_that_has_the_name_of_a_module_of_python_is_followed(monkeypatch, tmp_path):
+    assert code()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "pyclbr", raising=False)
+    (tmp_path / "pyclbr.py").write_text("def near(distance, reach): return 2.0 * distance / reach")
+    monkeypatch.setattr(reach, "near_term", as_near(importlib.import_module("pyclbr").near))
+    assert not code()
+    monkeypatch.delitem(sys.modules, "pyclbr")
+    assert not code()

@@ -1,4 +1,4 @@
-"""Cache of machine code: in this process, and in a folder of the user."""
+"""Cache of machine code, and of facts about programs: in this process, and in a folder of the user."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import errno
 import functools
 import hashlib
+import json
 import os
 import platform
 import re
@@ -16,6 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from redundant_envs.compiler.backends import llvm
 from redundant_envs.compiler.tracing.flow import Program
@@ -33,8 +35,8 @@ KEPT_BYTES = 1 << 29
 SILENT_WAIT, LONGEST_WAIT = 3.0, 180.0
 """s of waiting for a process that compiles the same until it is told, and until it ends. Usual scenes take a
 second, the largest a minute."""
-SUFFIX = ".code"
-OWN_FILE = re.compile(r"[0-9a-f]{40}\.(lock|code(\.[0-9a-f]{16})?)")
+SUFFIX, FACTS = ".code", ".facts"
+OWN_FILE = re.compile(r"[0-9a-f]{40}\.(lock|(code|facts)(\.[0-9a-f]{16})?)")
 """Names of files that this module makes; it deletes no others. Unfinished ones have the last part."""
 DIGEST = 32
 """Length in bytes of the checksum at the beginning of a file."""
@@ -66,11 +68,19 @@ def kernels(
         return code
 
     with _lock:
-        found = _kept.pop(key, None) or llvm.load(_code(key, compiled, what), names)
+        found = _kept.pop(key, None) or llvm.load(_content(f"{key}{SUFFIX}", what, compiled), names)
         _kept[key] = found
         if len(_kept) > KEPT_KERNELS:
             del _kept[next(iter(_kept))]
         return found
+
+
+def facts(name: str, found: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Facts of plain JSON data under a name of 40 hexadecimal digits; "" keeps nothing."""
+    if not name:
+        return found()
+    data = _content(f"{name}{FACTS}", "a record", lambda how_long: json.dumps(found()).encode())
+    return json.loads(data)  # type: ignore[no-any-return]
 
 
 def identity(program: Program) -> str:
@@ -98,28 +108,27 @@ def _sources() -> list[str]:
     return [path.read_text(encoding="utf-8") for path in files]
 
 
-def _code(key: str, compiled: Callable[[str], bytes], what: str) -> bytes:
-    """The machine code of a program from its file, which is made if it is missing or damaged."""
-    code = b""
+def _content(name: str, what: str, make: Callable[[str], bytes]) -> bytes:
+    """The content of a file, which is made if it is missing or damaged."""
+    data = b""
     try:
-        path = usable_folder() / f"{key}{SUFFIX}"
-        if code := _used(path):  # files appear whole: no need to wait for a process that makes the same
-            return code
+        path = usable_folder() / name
+        if data := _used(path):  # files appear whole: no need to wait for a process that makes the same
+            return data
         with _file_lock(path.with_suffix(".lock"), what):
-            if code := _used(path):
-                return code
+            if data := _used(path):
+                return data
             damaged = os.path.lexists(path)
-            code = compiled("once on this machine")
-            _write_whole(path, _checksum(path, code) + code)
+            data = make("once on this machine")
+            _write_whole(path, _checksum(path, data) + data)
             _prune(path.parent)
         if damaged:
-            said = f"the compiled simulator {path} was damaged or not ours; it is compiled again"
-            warnings.warn(said, stacklevel=3)
+            warnings.warn(f"{path} was damaged or not ours; it is made again", stacklevel=3)
     except OSError as error:  # another user's folder, no file lock, no space left
         if (folder := cache_folder()) not in _warned:
             _warned.add(folder)
             warnings.warn(f"compiled simulators are kept in memory only: {_unusable(error)}", stacklevel=3)
-    return code or compiled("for this process alone")
+    return data or make("for this process alone")
 
 
 def cache_folder() -> Path:
@@ -168,8 +177,8 @@ def _opened(path: Path, flags: int) -> int:
 
 
 def _used(path: Path) -> bytes:
-    """The code of a file, and none if the file is not this user's or its checksum is wrong; this counts as a
-    use of the file.
+    """The content of a file, and none if it is not this user's or its checksum is wrong; this counts as a use
+    of the file.
 
     The checksum detects accidents. Nobody else may write to the folder.
     """
@@ -183,9 +192,9 @@ def _used(path: Path) -> bytes:
     return data[DIGEST:]
 
 
-def _checksum(path: Path, code: bytes) -> bytes:
-    """Checksum of the code and its file name: that of another program is as wrong as a damaged one."""
-    return hashlib.sha256(path.stem.encode() + code).digest()
+def _checksum(path: Path, data: bytes) -> bytes:
+    """Checksum of the content and its file name: that of another program is as wrong as a damaged one."""
+    return hashlib.sha256(path.stem.encode() + data).digest()
 
 
 def _write_whole(path: Path, data: bytes) -> None:
