@@ -28,6 +28,7 @@ from redundant_envs.support.values import plain_data, shown, whole_number
 from redundant_envs.tasks.base import is_confined
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes have each for itself
+MOVING = ("core", "_memory", "_np_random", "_actions")  # attributes that steps change
 SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
 ON_BAD_ACTION = ("raise", "terminate")
 PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
@@ -156,7 +157,8 @@ class EnvBase:
     def __getstate__(self) -> dict[str, Any]:
         state = {**self.__dict__, "_renderer": None}
         state.pop("_lane", None)  # of a single environment, which makes it anew
-        return state
+        moving = {name: state[name] for name in MOVING if name in state}
+        return {**state, **copy.deepcopy(moving)}  # other threads may go on until the state is written
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)

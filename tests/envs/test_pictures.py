@@ -83,7 +83,7 @@ def test_a_missing_pygame_or_display_is_told_at_once(monkeypatch):
         gym.make(ID, render_mode="human")
 
 
-def test_an_environment_opens_the_window_again_that_another_one_has_closed():
+def test_two_environments_share_the_window_and_the_last_one_closes_it():
     pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
     one, other = (
         gym.make(ID, render_mode="human", render_width=width, disable_env_checker=True)
@@ -92,8 +92,13 @@ def test_an_environment_opens_the_window_again_that_another_one_has_closed():
     for env in (one, other):
         env.reset(seed=0)
     one.close()
+    assert pygame.display.get_surface() is not None
+    pygame.display.quit()  # as another program of the process may
     other.step(actions(other, 1)[0])
     assert pygame.display.get_surface().get_size() == (320, 480)
+    pygame.display.get_surface().fill(0)
+    assert other.render() is None
+    assert pygame.surfarray.array3d(pygame.display.get_surface()).any()
     other.close()
     assert pygame.display.get_surface() is None
 
