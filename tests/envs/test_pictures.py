@@ -15,8 +15,10 @@ import pytest
 from catalogue import EQUAL, with_example
 from faces import FOUR_R, ID, actions, begin, made
 from gymnasium.error import DependencyNotInstalled, ResetNeeded
+from PIL import Image
 
 import redundant_envs as rde
+from redundant_envs.__main__ import main
 from redundant_envs.envs import rendering
 from redundant_envs.envs.rendering import BARS, Canvas
 from redundant_envs.model.trajectory import Trajectory
@@ -255,3 +257,14 @@ def test_every_scene_and_every_effect_of_the_package_is_drawn():
         is_picture(moving.frame(0))
         moving._q = np.full_like(moving._q, np.nan)  # as after a fault
         moving.frame(0)
+
+
+@pytest.mark.parametrize("name", ["rprp_reach", "four_r_reach"])
+def test_the_drawing_of_an_arm_is_a_png_too(name, tmp_path):
+    path, scene = tmp_path / "arm.png", rde.load_scene(name)
+    assert main(["scene", name, "--drawing", str(path)]) == 0
+    pixels = np.asarray(Image.open(path).convert("RGB"))
+    assert pixels.shape == (500, 760, 3)
+    colors = [palette.LINKS[0], palette.JOINT, *([palette.RAIL] if scene.robot.sliders() else [])]
+    for color in colors:
+        assert (np.abs(pixels.astype(int) - color).max(axis=2) < 12).mean() > 1e-3
