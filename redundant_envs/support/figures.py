@@ -39,6 +39,8 @@ def bare(panel: Any) -> None:
 
 def save_figure(figure: Any, path: Path, **options: Any) -> Path:
     """Write a PNG or SVG, with options of ``Figure.savefig``; the same figure gives the same bytes."""
+    if path.suffix not in (".svg", ".png"):
+        raise ValueError(f"path is {path}; give a file that ends in .svg or .png")
     with needs("plot"):
         import matplotlib
         from PIL import Image
