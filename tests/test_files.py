@@ -26,12 +26,12 @@ BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
 )
 BAD = {
     "aliases": (BOMB, "line 1: it has an anchor"),
-    "merge key": (ROBOT + "<<: {control_dt: 0.1}\n", "unknown key '<<'"),
+    "merge key": (ROBOT + "<<: {control_dt: 0.1}\n", "line 2: scene has the unknown key '<<'"),
     "python tag": (ROBOT + "x: !!python/object/apply:os.system [ls]\n", "line 2: it has the tag"),
     "syntax": (ROBOT + "effects: [{type: Gravity\n", "line 3: it is not valid YAML"),
     "flow depth": ("[" * 5000 + "]" * 5000, "line 1: it is nested more than"),
-    "long integer": (ROBOT + f"control_dt: {'9' * 400}\n", "control_dt is 9999"),
-    "list as type": ("robot:\n  type: [FourR]\n", "mine.yaml: robot.type is ['FourR']"),
+    "long integer": (ROBOT + f"control_dt: {'9' * 400}\n", "line 2: control_dt is 9999"),
+    "list as type": ("robot:\n  type: [FourR]\n", "line 2: robot.type is ['FourR']"),
     "list as key": (ROBOT + "[a]: 1\n", "line 2: a key is a list"),
     "key twice": (ROBOT + ROBOT, "line 2: the key 'robot' is there twice"),
     "not UTF-8": (ROBOT.encode() + b"# \xff\n", "line 2: it is not UTF-8"),
@@ -41,10 +41,10 @@ BAD = {
     "two documents": (ROBOT + "---\n" + ROBOT, "line 2: it is not valid YAML"),
     "many values": (f"a: [{'1,' * 5_000}]", "line 1: it holds more than"),
     "large": ("#" * (LARGEST_FILE + 1), "more than the 32768 that are read"),
-    "unknown inner key": (ROBOT + EFFECTS + "- type: Gravity\n  gee: 1\n", "mine.yaml: effects[1]"),
-    "effect number": (ROBOT + "effects:\n- type: Gravity\n  g: up\n", "mine.yaml: Gravity.g is 'up'"),
-    "bool": (ROBOT + "substeps: true\n", "mine.yaml: substeps is True"),
-    "long text": (ROBOT + f"integrator: {'x' * 30_000}\n", "mine.yaml: integrator is 'xxx"),
+    "unknown inner key": (ROBOT + EFFECTS + "- type: Gravity\n  gee: 1\n", "line 5: effects[1]"),
+    "effect number": (ROBOT + "effects:\n- type: Gravity\n  g: up\n", "line 4: Gravity.g is 'up'"),
+    "bool": (ROBOT + "substeps: true\n", "line 2: substeps is True"),
+    "long text": (ROBOT + f"integrator: {'x' * 30_000}\n", "line 2: integrator is 'xxx"),
 }
 READERS = {
     "scene": rde.load_scene,
@@ -73,7 +73,7 @@ def at_once(function, *arguments):
 
 
 @pytest.mark.parametrize(("content", "words"), BAD.values(), ids=BAD)
-def test_a_bad_file_is_one_error_with_file_and_line_if_it_is_not_yaml(content, words, tmp_path, capsys):
+def test_a_bad_file_is_one_error_with_file_and_line(content, words, tmp_path, capsys):
     path = tmp_path / "mine.yaml"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     for name, reader in READERS.items():

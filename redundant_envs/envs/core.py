@@ -9,14 +9,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.envs import arguments, options
+from redundant_envs.envs.keys import EpisodeKeys
 from redundant_envs.envs.outputs import Columns, Outputs
 from redundant_envs.envs.registration import check_arm, check_motors
-from redundant_envs.language.draws import KEY_WORDS
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, alone
@@ -97,10 +96,7 @@ class Core(Copied):
         """Options of episodes that have not begun yet."""
         self.actions, self.goal_fields = self.episode.actions, self.episode.goal
         self.columns = Columns(self.episode, info_keys)
-        self.generators: list[np.random.Generator | None] = [None] * num_envs
-        """Keys of episodes, of 128 bits, are successive words of a lane's generator."""
-        self.seeds = [-1] * num_envs
-        """The seeds of these; -1 if one is unknown."""
+        self.episode_keys = EpisodeKeys(num_envs)
         self.key_table = np.zeros((num_envs, EPISODE_KEY), dtype=np.uint32)
         self.waiting = np.zeros(num_envs, dtype=np.bool_)  # keys drawn and not yet used
         self.ended = np.zeros(num_envs, dtype=np.bool_)  # episodes after which nobody has begun another
@@ -131,28 +127,25 @@ class Core(Copied):
         return environment_simulator(state["simulated"], state["task"], tuple(fields))
 
     @property
+    def generators(self) -> list[np.random.Generator | None]:
+        """Generators of the lanes: the next keys are the next words of each."""
+        return self.episode_keys.generators
+
+    @property
     def begun_all(self) -> bool:
         """Whether every lane has had a reset, and so a key."""
         return bool(self.keys.any(axis=1).all())
 
-    def seed(self, lane: int, seed: int | None) -> np.random.Generator:
-        """Give a lane a new generator."""
-        self.waiting[lane] = False
-        generator, self.seeds[lane] = seeding.np_random(seed)
-        self.generators[lane] = generator
-        return generator
-
-    def own_generator(self, lane: int) -> np.random.Generator:
-        """The generator of a lane, also before its first episode."""
-        return self.generators[lane] or self.seed(lane, None)
+    def seed(self, lanes: NDArray[np.int64], seeds: list[int]) -> None:
+        """Give lanes new generators."""
+        self.waiting[lanes] = False
+        self.episode_keys.seed(lanes, seeds)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of the given lanes that have no unused key."""
         lanes = lanes[~self.waiting[lanes]]
         if len(lanes):
-            bits = [self.own_generator(lane).bit_generator for lane in lanes.tolist()]
-            words = np.array([one.random_raw(KEY_WORDS // 2) for one in bits], dtype="<u8")
-            self.keys[lanes] = words.view("<u4")
+            self.keys[lanes] = self.episode_keys.take(lanes)
             self.waiting[lanes] = True
 
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
@@ -317,8 +310,8 @@ class Core(Copied):
         self.memory.restore(state["states"], state["parameters"])
         for name in OF_LANES:
             getattr(self, name)[:] = state[name]
+        self.episode_keys = EpisodeKeys(self.num_envs)
         self.generators[:] = copy.deepcopy(state["generators"])
-        self.seeds[:] = [-1] * self.num_envs
 
     @alone
     def take_state(self, state: Mapping[str, Any], lanes: NDArray[np.int64]) -> None:

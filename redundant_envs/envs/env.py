@@ -143,16 +143,17 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         """Record the position of the tip for its trail; in the mode "human", show the picture."""
         self._see(self._lane.outputs.lanes(slice(1)))
         if self.render_mode == "human":
-            self._pictures().show(self._pictures().draw(0))
+            self._pictures().show(self._drawn()[0])
 
     @first
     def render(self) -> NDArray[np.uint8] | None:
         """A picture, (height, width, 3) uint8; None without a render mode and in the mode "human", which
-        shows every step in a window without a call."""
+        shows the picture in a window, that of every step without a call."""
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
-        return None if self.render_mode == "human" else self._drawn()[0]
+        picture = self._drawn()[0]
+        return self._pictures().show(picture) if self.render_mode == "human" else picture
 
     def close(self) -> None:
         """Close the window if there is one."""

@@ -28,6 +28,7 @@ from redundant_envs.support.values import plain_data, shown, whole_number
 from redundant_envs.tasks.base import is_confined
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes have each for itself
+MOVING = ("core", "_memory", "_np_random", "_actions")  # attributes that steps change
 SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
 ON_BAD_ACTION = ("raise", "terminate")
 PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
@@ -36,10 +37,28 @@ OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
 
 
-def read_only(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A copy of numbers without a way to write to it, because that would change nothing."""
+COPIES = (
+    "numbers of an environment are copies, which change nothing; set them by reset(options=...) or "
+    "set_options(...), with 'q', 'qd', 'goal' or 'parameters': {name: numbers}"
+)
+
+
+class Copy(np.ndarray[Any, np.dtype[np.float64]]):
+    """Numbers that refuse to be written to, because that would change nothing."""
+
+    def __setitem__(self, place: Any, value: Any) -> None:
+        if not self.flags.writeable:  # a copy of it, or a result, may be written to
+            raise ValueError(COPIES)
+        super().__setitem__(place, value)
+
+    def __repr__(self) -> str:
+        return repr(np.asarray(self))
+
+
+def read_only(numbers: NDArray[np.float64]) -> Copy:
+    """New numbers, from now on without a way to write to them."""
     numbers.flags.writeable = False
-    return numbers
+    return numbers.view(Copy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +87,9 @@ class Parameters(Mapping[str, Parameter]):
 
     def __len__(self) -> int:
         return len(self._found)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        raise ValueError(COPIES)
 
     def of_lane(self, lane: int) -> Parameters:
         """Those of one environment of a vector."""
@@ -156,7 +178,8 @@ class EnvBase:
     def __getstate__(self) -> dict[str, Any]:
         state = {**self.__dict__, "_renderer": None}
         state.pop("_lane", None)  # of a single environment, which makes it anew
-        return state
+        moving = {name: state[name] for name in MOVING if name in state}
+        return {**state, **copy.deepcopy(moving)}  # other threads may go on until the state is written
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)
@@ -170,6 +193,8 @@ class EnvBase:
         return values_of(self.core, entries, len(entries) == 1)[self._lanes]
 
     def __setattr__(self, name: str, value: Any) -> None:
+        if name in LANE_VALUES:
+            raise AttributeError(f"{name} cannot be set: {COPIES}")
         if name == "spec" and value is not None:  # as it was given, a file could not hold it
             kwargs = plain_data(value.kwargs)
             steps = kwargs.get("max_episode_steps", plain_data(value.max_episode_steps))  # a vector's own
@@ -333,17 +358,22 @@ class VectorEnvBase(EnvBase):
         Parameters
         ----------
         state : mapping
-            What :meth:`get_state` returned here; with ``index`` that of a single environment.
+            What :meth:`get_state` returned, here or from a single environment. The episode of a single one
+            continues in each environment that ``index`` names; the episodes after it are the vector's own.
         index : array_like, optional
-            Numbers of environments, or a mask (num_envs,), in which the episode of a single one continues;
-            the episodes after it are the vector's own.
+            Numbers of environments, or a mask (num_envs,), for the state of a single one; None is all.
         """
-        if index is None:
+        if index is None and not self._is_of_one(state):
             super().set_state(state)
         else:
             self.core.take_state(state, lanes_of(index, self.core.num_envs))
             self._begin_trails()
         self._ready = self.core.begun_all
+
+    def _is_of_one(self, state: Any) -> bool:
+        """Whether a state is that of a single environment, and not of this vector."""
+        generators = state.get("generators") if isinstance(state, Mapping) else None
+        return isinstance(generators, list) and len(generators) == 1 < self.core.num_envs
 
     def _checked_actions(self, actions: Any) -> NDArray[np.float32]:
         """Actions of a step as float32, or an error that says what to do first or what to give."""
@@ -359,9 +389,9 @@ class VectorEnvBase(EnvBase):
     ) -> tuple[Any, Outputs]:
         """Begin episodes in the environments of a mask; observations and outputs."""
         checked = self.core.checked(options, np.flatnonzero(mask))
-        for lane in np.flatnonzero(mask).tolist():
-            if seeds[lane] is not None:
-                self.core.seed(lane, seeds[lane])
+        chosen = mask.tolist()
+        seeded = {lane: seed for lane, seed in enumerate(seeds) if seed is not None and chosen[lane]}
+        self.core.seed(np.array([*seeded], dtype=np.int64), [*seeded.values()])
         self.core.begin(mask, checked)
         obs, out = self.core.observe()
         self._ready = True

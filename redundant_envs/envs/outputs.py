@@ -132,4 +132,6 @@ def checked_keys(info_keys: Any, valid: Sequence[str]) -> Sequence[str]:
     for key in info_keys:
         if key not in valid:
             raise ValueError(f"info_keys has {shown(key)}; valid: {', '.join(valid)}")
+        if info_keys.count(key) > 1:
+            raise ValueError(f"info_keys has {key} twice; name it once")
     return info_keys

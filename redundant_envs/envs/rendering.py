@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.error import DependencyNotInstalled, Error
@@ -457,13 +457,16 @@ class NoDisplay(Error, OSError):
 class Renderer:
     """Draws the lanes of a core and keeps the trails of their tips, one point for each control step."""
 
+    _shown: ClassVar[set[Renderer]] = set()
+    """Those that share the one window of a process, which closes with the last of them."""
+
     def __init__(self, core: Core, width: int = SIZE, height: int = SIZE) -> None:
         self.core = core
         self._drawing = Drawing(core.scene, width, height)
         self._tips = np.zeros((core.num_envs, TRAIL_LENGTH, 2))
         self._count = np.zeros(core.num_envs, dtype=int)
         self._last = np.full(core.num_envs, -1.0)
-        self._pygame: Any = None  # once a window is open
+        self._pygame: Any = None  # once it is shown
 
     def clear(self) -> None:
         """Forget all trails."""
@@ -535,10 +538,11 @@ class Renderer:
         return canvas.pixels
 
     def show(self, picture: NDArray[np.uint8]) -> None:
-        """Show a picture in pygame's window, of which a process has one, a control step after the last."""
+        """Show a picture in the window, a control step after the last."""
         if self._pygame is None:
             self._pygame = display()
             self._clock = self._pygame.time.Clock()
+            self._shown.add(self)
         pygame, size = self._pygame, (picture.shape[1], picture.shape[0])
         screen = pygame.display.get_surface()
         if screen is None or screen.get_size() != size:  # as after another one has closed it
@@ -550,7 +554,8 @@ class Renderer:
         pygame.display.flip()
 
     def close(self) -> None:
-        """Close the window if one is open."""
-        if self._pygame is not None:
+        """Close the window if no other environment is shown in it."""
+        self._shown.discard(self)
+        if self._pygame is not None and not self._shown:
             self._pygame.display.quit()
-            self._pygame = None
+        self._pygame = None

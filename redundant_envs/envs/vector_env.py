@@ -120,14 +120,14 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
     @property  # type: ignore[misc]  # as SyncVectorEnv's
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each environment, from which the keys of its episodes are drawn."""
-        return tuple(map(self.core.own_generator, range(self.num_envs)))
+        self.core.episode_keys.seed_new(range(self.num_envs))
+        return tuple(filter(None, self.core.generators))
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment's generator."""
-        for lane in range(self.num_envs):
-            self.core.own_generator(lane)
-        return tuple(self.core.seeds)
+        self.core.episode_keys.seed_new(range(self.num_envs))
+        return tuple(self.core.episode_keys.seeds)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """An attribute for each environment: q, qd, tip, goal, and numbers by name are its own."""

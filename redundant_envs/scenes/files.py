@@ -59,8 +59,11 @@ def config_folder(kind: str) -> Path:
 
 @contextlib.contextmanager
 def explained(path: str | Path) -> Iterator[None]:
-    """Put the file before the message of a ValueError about its data."""
+    """Put the file before the message of a ValueError about its data, and the line if it is known."""
     try:
         yield
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        from redundant_envs.support.yaml_reader import line_of
+
+        line = line_of(str(error), read_text(Path(path), "file"))
+        raise ValueError(f"{path}{f', line {line}' if line else ''}: {error}") from None

@@ -7,7 +7,7 @@ import contextlib
 import errno
 import os
 import secrets
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,16 +29,6 @@ def told(path: Path) -> Iterator[None]:
             raise
         fix = "delete something there, or write to another one"
         raise DiskFull(f"{path} cannot be written: the disk is full; {fix}") from error
-
-
-def telling(function: Callable[..., Any], path: Path) -> Callable[..., Any]:
-    """A function that writes a file, within :func:`told`."""
-
-    def told_of(*given: Any, **more: Any) -> Any:
-        with told(path):
-            return function(*given, **more)
-
-    return told_of
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,8 @@ def bare(panel: Any) -> None:
 
 def save_figure(figure: Any, path: Path, **options: Any) -> Path:
     """Write a PNG or SVG, with options of ``Figure.savefig``; the same figure gives the same bytes."""
+    if path.suffix not in (".svg", ".png"):
+        raise ValueError(f"path is {path}; give a file that ends in .svg or .png")
     with needs("plot"):
         import matplotlib
         from PIL import Image
@@ -53,6 +56,28 @@ def save_figure(figure: Any, path: Path, **options: Any) -> Path:
         picture.save(memory := io.BytesIO(), format="png", optimize=True)
     write_bytes(path, memory.getvalue())
     return path
+
+
+def of_lines(svg: str) -> Any:
+    """A figure of an SVG of :mod:`redundant_envs.robots.drawn`: paths of straight lines, and texts."""
+    root = ElementTree.fromstring(svg)
+    width, height = (float(root.get(name, "")) for name in ("width", "height"))
+    figure = new_figure(width / 100.0, height / 100.0, dpi=200)
+    figure.set_layout_engine("none")
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(height, 0.0))
+    axes.axis("off")
+    # A line without a length is a dot, which only a marker shows.
+    round_ends = {"solid_capstyle": "round", "marker": "o", "markeredgewidth": 0.0}
+    for element in root.iter():
+        if (data := element.get("d")) is not None:
+            color, size = element.get("stroke"), 0.72 * float(element.get("stroke-width", ""))
+            for line in data.split("M")[1:]:
+                x, y = np.array([point.split() for point in line.split("L")], dtype=float).T
+                axes.plot(x, y, color=color, linewidth=size, markersize=size, **round_ends)
+        elif element.text:
+            at = float(element.get("x", "")), float(element.get("y", ""))
+            axes.text(*at, literal(element.text), color=element.get("fill"), size=8.6, ha="center")
+    return figure
 
 
 def check_clip(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""YAML text as plain data, within bounds."""
+"""YAML text as plain data, within bounds, and the lines of what is in it."""
 
 from __future__ import annotations
 
@@ -93,3 +93,32 @@ def parsed(text: str, where: str) -> Any:
         line = loader.line + 1 if loader else 1
         problem = f"it is not valid YAML: an escape or a number is out of range ({shown(str(error))})"
     raise ValueError(f"{where}, line {line}: {problem}")
+
+
+def line_of(message: str, text: str) -> int | None:
+    """The line of YAML text with the value that a message names first, such as effects[1].g or Gravity.g, or
+    with the key in it that is unknown; None if there is none."""
+    lines: dict[str, int] = {}
+    _collect(yaml.compose(text, _Reader), {""}, lines)
+    name = re.split(r"[^\w.\[\]]", message, maxsplit=1)[0]
+    unknown = re.search(r"has the unknown key '(.*?)'; valid", message)
+    if unknown and (line := lines.get(f"{name}.{unknown[1]}", lines.get(unknown[1]))):
+        return line
+    while name and name not in lines:  # else what is around it
+        name = name[: max(name.rfind("."), name.rfind("["), 0)]
+    return lines.get(name)
+
+
+def _collect(node: Any, names: set[str], lines: dict[str, int]) -> None:
+    """Note the lines of what is in a node, which messages call by any of these names, or by its type."""
+    if isinstance(node, yaml.MappingNode):
+        names = names | {str(value.value) for key, value in node.value if key.value == "type"}
+        inner = [({f"{n}.{key.value}".lstrip(".") for n in names}, key, value) for key, value in node.value]
+    elif isinstance(node, yaml.SequenceNode):
+        inner = [({f"{n}[{k}]" for n in names}, value, value) for k, value in enumerate(node.value)]
+    else:
+        return
+    for called, at, value in inner:
+        for name in called:
+            lines.setdefault(name, _line(at))
+        _collect(value, called, lines)

@@ -56,7 +56,7 @@ def test_a_run_is_named_after_its_preset_its_file_or_what_it_trains(tmp_path):
     assert name(POLICIES / "RPRPReach-v0-ppo" / "config.yaml") == "RPRPReach-v0_ppo"
     assert name(shutil.copy(CONFIG, tmp_path / "mine.yaml")) == "mine"
     (tmp_path / "wrong.yaml").write_text("config_version: 2\nenv: RPRPReach-v0\nsed: 1\n")
-    with says("wrong.yaml: sed is unknown"):  # a mistake of the file, although there are overrides
+    with says("wrong.yaml, line 3: sed is unknown"):  # a mistake of the file, although there are overrides
         load(tmp_path / "wrong.yaml", ["seed=3"])
 
 

@@ -15,8 +15,10 @@ import pytest
 from catalogue import EQUAL, with_example
 from faces import FOUR_R, ID, actions, begin, made
 from gymnasium.error import DependencyNotInstalled
+from PIL import Image
 
 import redundant_envs as rde
+from redundant_envs.__main__ import main
 from redundant_envs.envs import rendering
 from redundant_envs.envs.rendering import BARS, Canvas
 from redundant_envs.model.trajectory import Trajectory
@@ -78,7 +80,7 @@ def test_a_missing_pygame_or_display_is_told_at_once(monkeypatch):
         gym.make(ID, render_mode="human")
 
 
-def test_an_environment_opens_the_window_again_that_another_one_has_closed():
+def test_two_environments_share_the_window_and_the_last_one_closes_it():
     pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
     one, other = (
         gym.make(ID, render_mode="human", render_width=width, disable_env_checker=True)
@@ -87,8 +89,13 @@ def test_an_environment_opens_the_window_again_that_another_one_has_closed():
     for env in (one, other):
         env.reset(seed=0)
     one.close()
+    assert pygame.display.get_surface() is not None
+    pygame.display.quit()  # as another program of the process may
     other.step(actions(other, 1)[0])
     assert pygame.display.get_surface().get_size() == (320, 480)
+    pygame.display.get_surface().fill(0)
+    assert other.render() is None
+    assert pygame.surfarray.array3d(pygame.display.get_surface()).any()
     other.close()
     assert pygame.display.get_surface() is None
 
@@ -241,3 +248,14 @@ def test_every_scene_and_every_effect_of_the_package_is_drawn():
         assert len({*(picture.astype(int) @ (65536, 256, 1)).ravel().tolist()}) > 10  # colours
         moving._q = np.full_like(moving._q, np.nan)  # as after a fault
         moving.frame(0)
+
+
+@pytest.mark.parametrize("name", ["rprp_reach", "four_r_reach"])
+def test_the_drawing_of_an_arm_is_a_png_too(name, tmp_path):
+    path, scene = tmp_path / "arm.png", rde.load_scene(name)
+    assert main(["scene", name, "--drawing", str(path)]) == 0
+    pixels = np.asarray(Image.open(path).convert("RGB"))
+    assert pixels.shape == (500, 760, 3)
+    colors = [palette.LINKS[0], palette.JOINT, *([palette.RAIL] if scene.robot.sliders() else [])]
+    for color in colors:
+        assert (np.abs(pixels.astype(int) - color).max(axis=2) < 12).mean() > 1e-3

@@ -10,6 +10,7 @@ from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode
 
 from redundant_envs.envs.face import observation_of
+from redundant_envs.envs.keys import AHEAD, LARGEST_SEED, MANY, EpisodeKeys
 
 LANES = 11
 """More than one block."""
@@ -122,7 +123,8 @@ def test_whole_numbers_of_any_kind_are_seeds(face):
 
 
 def test_keys_of_episodes_are_the_words_of_each_lanes_generator():
-    """Whatever generator took the place of another; without a seed each lane has words of its own."""
+    """However many were drawn ahead, and whatever generator took the place of another meanwhile; without a
+    seed each lane has words of its own."""
     env, begun = made("disabled", FOUR_R), np.array([True, True, True])
     env.reset()
     assert len({tuple(key) for key in env.core.keys.tolist()}) == 3
@@ -137,18 +139,37 @@ def test_keys_of_episodes_are_the_words_of_each_lanes_generator():
             assert one.integers(2**62) == other.integers(2**62)
 
     check()
-    for k in range(5):
+    for k in range(2 * AHEAD + 3):
         begun = np.array([True, k % 2 == 0, True])
         env.reset(options={"reset_mask": begun})
         check()
     generators[0], begun = np_random(7)[0], np.array([True, True, False])
     env.reset(seed=[7, None, None], options={"reset_mask": begun})
     check()
-    generators[1] = np.random.Generator(np.random.PCG64(5))
+    generators[1] = np.random.Generator(np.random.MT19937(5))
     env.core.generators[1] = copy.deepcopy(generators[1])
     for _ in range(3):
         env.reset(options={"reset_mask": begun})
         check()
+
+
+@pytest.mark.parametrize("seed", [7, LARGEST_SEED - 3], ids=["small", "beyond 64 bits"])
+def test_lanes_that_are_seeded_together_have_the_keys_of_those_that_are_seeded_alone(seed):
+    lanes = np.arange(1, MANY + 8)
+    seeds = [0, 2**32 - 1, 2**32, 2**33 + 1, 2**63, *(seed + lane for lane in lanes[5:].tolist())]
+    together, alone = EpisodeKeys(MANY + 10), EpisodeKeys(MANY + 10)
+    together.seed(lanes, seeds)
+    for lane, own in zip(lanes, seeds, strict=True):
+        alone.seed(np.array([lane]), [own])
+    for episode in range(2 * AHEAD + 1):
+        chosen = lanes[::3] if episode % 3 else lanes
+        np.testing.assert_array_equal(together.take(chosen), alone.take(chosen))
+        together = copy.deepcopy(together)
+    pairs = zip(together.generators, alone.generators, strict=True)
+    assert all(
+        (one and one.bit_generator.state) == (other and other.bit_generator.state) for one, other in pairs
+    )
+    assert together.seeds == alone.seeds
 
 
 @pytest.mark.parametrize("seeds", [7, [3, 9, 4], [5, None, 6], np.array([1, 2, 3])], ids=str)

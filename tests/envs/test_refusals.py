@@ -229,6 +229,8 @@ def test_states_of_another_kind_or_number_of_environments():
     envs += [running(mode, count=3) for mode in MODES] + [running("next_step", count=9)]
     said = {}
     for a, b in itertools.permutations(range(len(envs)), 2):
+        if b == 0 and a != 2:  # vectors take the state of a single environment
+            continue
         said[a, b] = refused(envs[a], lambda env, b=b: env.set_state(envs[b].get_state()), "state")
     assert "num_envs is 1 there and 9 here" in said[6, 1]
     assert "autoreset_mode is same_step there and next_step here" in said[3, 4]

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import io
 import os
 import pickle
 import sys
@@ -14,7 +15,8 @@ from envs.faces import FACES, GOAL_IDS, actions, begin, flat, made
 from gymnasium.error import NoAsyncCallError
 
 import redundant_envs as rde
-from redundant_envs.model.memory import IN_USE, InUse, alone
+from redundant_envs.envs.core import Core
+from redundant_envs.model.memory import IN_USE, InUse, Memory, alone
 
 SCENE = rde.load_scene("four_r_reach")
 STATES = {}
@@ -123,6 +125,26 @@ def test_at_no_line_of_a_call_a_signal_handler_is_let_in(kind):
         assert flat(got) == flat(call(other))
     assert len(found) > 20 * len(inner)
     assert {*found} == {InUse}
+
+
+@pytest.mark.parametrize("kind", FACES)
+def test_a_copy_is_of_one_moment(kind):
+    """Another thread goes on while the environment is written."""
+    env = made(kind)
+    begin(env)
+    before, (action, later) = copy.deepcopy(env), actions(env, 2)
+
+    class Slow(pickle.Pickler):
+        def reducer_override(self, thing):
+            if isinstance(thing, Core | Memory):
+                assert told(lambda: env.step(action)) is None
+            return NotImplemented
+
+    Slow(file := io.BytesIO()).dump(env)
+    assert env.core.get_state()["states"].tolist() != before.core.get_state()["states"].tolist()
+    again = pickle.loads(file.getvalue())
+    assert again.core.get_state()["states"].tolist() == before.core.get_state()["states"].tolist()
+    assert flat(again.step(later)) == flat(before.step(later))
 
 
 @pytest.mark.parametrize("kind", FACES)
