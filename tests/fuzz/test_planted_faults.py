@@ -17,7 +17,7 @@ from .running import judged, run
 
 pytestmark = pytest.mark.long
 
-SCENE, RNG = rde.load_scene("rprp_reach"), np.random.default_rng(0)
+SCENE, RNG = rde.load_scene("four_r_reach"), np.random.default_rng(0)
 Q = np.tile([0.3, 0.1, -0.4, 0.2], (10, 1)) + 0.02 * RNG.uniform(size=(10, 4))
 CALLS = [{"call": "set_state", "rows": {"q": Q, "qd": RNG.normal(size=(10, 4))}}]
 CALLS += [{"call": "advance", "rows": {"efforts": RNG.uniform(-15.0, 15.0, (10, 4))}} for _ in range(3)]
@@ -77,6 +77,7 @@ FAULTS = [
     (Core, "checked", lambda core, checked, options, lanes: checked({}, lanes), "only_documented_exceptions"),
     (Core, "checked", draws_before_it_refuses, "a_refused_call_changes_nothing"),
     (Core, "set_state", keeps_its_generators, "what_is_saved_continues"),
+    (judging, "torch_step", lambda _, made: lambda *x: [y + 1e-7 for y in made()(*x)], "torch_step_agrees"),
     (VECTOR, "step", then(mixes_lanes), "no_lane_depends_on_others"),
     (VECTOR, "step", then(lambda _, found: found[0][-1].fill(np.nan)), "observations_lie_in_their_space"),
 ]
@@ -85,7 +86,7 @@ FAULTS = [
 
 @pytest.mark.parametrize(("kind", "method", "change", "name"), FAULTS)
 def test_a_fault_is_found_made_small_and_played_again(monkeypatch, tmp_path, kind, method, change, name):
-    case, right = MOTION if kind is BATCH else EPISODES, getattr(kind, method)
+    case, right = MOTION if kind in (BATCH, judging) else EPISODES, getattr(kind, method)
     monkeypatch.setattr(running, "drawn", lambda seed, number: case)
     monkeypatch.setattr(cases, "SECONDS", 10.0)
     with monkeypatch.context() as patch:
@@ -98,6 +99,6 @@ def test_a_fault_is_found_made_small_and_played_again(monkeypatch, tmp_path, kin
     assert judged(small, only=(name,)) == []
 
 
-def test_every_promise_but_those_of_verify_is_seen_broken():
-    more = {"effects_commute", "thousands_have_the_same_bits"}
-    assert {name for *_, name in FAULTS} == running.NAMES - set(judging.OF_VERIFY) | more
+def test_a_fault_is_planted_for_every_promise_but_those_of_verify():
+    own = {"effects_commute", "thousands_have_the_same_bits", "torch_step_agrees"}
+    assert {name for *_, name in FAULTS} == running.NAMES - set(judging.OF_VERIFY) | own

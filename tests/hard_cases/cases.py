@@ -16,7 +16,6 @@ from redundant_envs.verify.promises import at_least, at_most
 
 from . import naive
 from .hard_case import THEMES, Accelerations, Asked, Case, Figure, Run
-from .naive import stops_of
 
 LAB = rde.FourR((1.0,) * 4, (0.5,) * 4)
 """The 4R arm of 1 kg and 0.5 m each."""
@@ -100,7 +99,7 @@ def rates(name, exact):
 
 def beyond(run, motion):
     """Largest distance beyond a stop at the end of an interval, m."""
-    ends = [(motion.q[..., k], lower, upper) for k, lower, upper, _ in stops_of(run.scene)]
+    ends = [(motion.q[..., k], lower, upper) for k, lower, upper, _ in naive.stops_of(run.scene)]
     return np.max([np.maximum(np.maximum(q - upper, lower - q), 0.0).max() for q, lower, upper in ends])
 
 

@@ -54,10 +54,6 @@ class Case:
     mujoco: str = ""
     compared: bool = False  # also measured of MuJoCo
 
-    @property
-    def name(self):
-        return f"case {self.number}, {self.title}"
-
     def figures(self, subject):
         """Figures of a subject; variants overflow and divide by zero, which shows in their figures."""
         with np.errstate(all="ignore"):

@@ -29,19 +29,18 @@ class DenseSolve(Subject):
     """Forms M and solves it by Gaussian elimination: loses as many digits as M is badly conditioned."""
 
     name = "dense solve"
+    added = 0.0
 
     def accelerations(self, arm, q, qd, Q, g=0.0):
-        return solved(arm.mass_matrix(q), Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
+        mass = arm.mass_matrix(q) + self.added * np.eye(4)
+        return solved(mass, Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
 
 
-class RegularisedMass(Subject):
+class RegularisedMass(DenseSolve):
     """Adds a little to the diagonal of M, so that it is "never singular": another arm moves."""
 
     name = "regularised mass matrix"
-
-    def accelerations(self, arm, q, qd, Q, g=0.0):
-        mended = arm.mass_matrix(q) + 1e-8 * np.eye(4)
-        return solved(mended, Q - arm.bias_forces(q, qd) - arm.gravity_forces(q, g))
+    added = 1e-8
 
 
 class InvertedJacobian(Subject):
@@ -95,7 +94,6 @@ class SinglePrecision(Subject):
 class EqualSteps(Subject):
     """Equal steps of RK4, without any check of their error."""
 
-    name = "equal steps"
     longest = 1e-3
     """Of a step, s."""
     stages = 4
@@ -115,9 +113,8 @@ class EqualSteps(Subject):
                 def acceleration(q, qd, effort=effort):
                     return self.scene_accelerations(scene, q, qd, effort)
 
-                end = self.step(acceleration, q, qd, h)
-                start_time = k * scene.control_dt + i * h
-                q, qd = self.at_stops(scene, acceleration, (q, qd), end, h, start_time, motion)
+                q, qd = self.step(acceleration, q, qd, h)
+                self.at_stops(scene, q, qd, k * scene.control_dt + (i + 1) * h, motion)
             motion.q[k + 1], motion.qd[k + 1] = q, qd
         return motion
 
@@ -138,9 +135,8 @@ class EqualSteps(Subject):
         a4 = acceleration(q + h * v3, v4)
         return q + h / 6.0 * (qd + 2.0 * v2 + 2.0 * v3 + v4), qd + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
-    def at_stops(self, scene, acceleration, start, end, h, time, motion):
+    def at_stops(self, scene, q, qd, time, motion):
         """Modify the end of a step; here there are no stops."""
-        return end
 
 
 class ExplicitEuler(EqualSteps):
@@ -203,32 +199,25 @@ def stops_of(scene):
     return [(x.hook.joint, *(values[x.parameter(name)] for name in own)) for x, *own in names]
 
 
-def impulse(arm, q, qd, k, restitution):
-    """Velocities after an impact of slider k: the impulse moves the whole arm."""
-    along = np.linalg.inv(arm.mass_matrix(q))[..., k]
-    return qd - (1.0 + restitution) * qd[..., [k]] / along[..., [k]] * along
-
-
 class ImpulseAtStepEnd(EqualSteps):
     """The right impulse at the wrong time: at the end of the step in which a slider is found outside."""
 
     name = "impulse at the end of a step"
 
-    def at_stops(self, scene, acceleration, start, end, h, time, motion):
-        q, qd = (x.copy() for x in end)
+    def at_stops(self, scene, q, qd, time, motion):
         for stop in stops_of(scene):
             k, lower, upper, _ = stop
             outside = (q[:, k] > upper) & (qd[:, k] > 0.0) | (q[:, k] < lower) & (qd[:, k] < 0.0)
             for i in np.flatnonzero(outside):
                 kind, joint = "upper impact" if qd[i, k] > 0.0 else "lower impact", scene.robot.joints[k]
-                motion.events.append(Event(time + h, kind, joint, abs(qd[i, k]), int(i)))
+                motion.events.append(Event(time, kind, joint, abs(qd[i, k]), int(i)))
             self.strike(scene.robot, q, qd, stop, outside)
-        return q, qd
 
     def strike(self, arm, q, qd, stop, outside):
-        """Modify the given states."""
+        """Modify the given states: the impulse moves the whole arm."""
         k, *_, restitution = stop
-        qd[outside] = impulse(arm, q[outside], qd[outside], k, restitution)
+        along = np.linalg.inv(arm.mass_matrix(q[outside]))[..., k]
+        qd[outside] -= (1.0 + restitution) * qd[outside][:, [k]] / along[:, [k]] * along
 
 
 class FlippedVelocity(ImpulseAtStepEnd):
@@ -240,39 +229,6 @@ class FlippedVelocity(ImpulseAtStepEnd):
         k, lower, upper, restitution = stop
         q[:, k] = np.clip(q[:, k], lower, upper)
         qd[outside, k] *= -restitution
-
-
-class CubicGuess(EqualSteps):
-    """The cubic through positions and velocities at both ends of a step says when the slider meets its stop:
-    its root is taken as the time, and a stop it does not reach as never met. Of one lane, without events."""
-
-    name = "cubic event guess taken as truth"
-
-    def at_stops(self, scene, acceleration, start, end, h, time, motion):
-        for _ in range(100):
-            guesses = [
-                (tau, k, stop, restitution)
-                for k, lower, upper, restitution in stops_of(scene)
-                for side, stop in ((-1.0, lower), (1.0, upper))
-                for tau in self.roots(*(x[0, k] for x in (*start, *end)), h, side, stop)
-            ]
-            if not guesses:
-                break
-            tau, k, stop, restitution = min(guesses)
-            q, qd = self.step(acceleration, *start, tau)
-            q[0, k] = stop
-            start, h = (q, impulse(scene.robot, q, qd, k, restitution)), h - tau
-            end = self.step(acceleration, *start, h)
-        return end
-
-    @staticmethod
-    def roots(q0, v0, q1, v1, h, side, stop):
-        """Times in (0, h] at which the cubic passes a stop outwards."""
-        cubic = [2.0 * (q0 - q1) + h * (v0 + v1), 3.0 * (q1 - q0) - h * (2.0 * v0 + v1), h * v0, q0 - stop]
-        found = np.roots(cubic) if np.isfinite(cubic).all() else np.array([])
-        times = h * found.real[np.abs(found.imag) < 1e-9]
-        slope = side * np.polyval(np.polyder(cubic), times / h)
-        return times[(times > 1e-9 * h) & (times <= h) & (slope > 0.0)]
 
 
 # ---- friction -------------------------------------------------------------------------------------------
