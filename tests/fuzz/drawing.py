@@ -36,7 +36,6 @@ def drawn_effects(rng, arm, needed=(), dt=0.02):
     at a random number of joints."""
     share = rng.choice([0.03, 0.1, 0.3, 1.0], p=[0.3, 0.35, 0.3, 0.05])  # many take long to compile
     chosen = []
-
     for name, kind in own_effects().items():
         if name not in needed and not rng.random() < share:
             continue
@@ -123,17 +122,9 @@ def drawn_vector(rng, scene=None, count=30, **fixed):
     if scene.integrator == "dop853":  # takes as many steps as it needs
         count //= 4
     usual = CALLS + ("reset",) * 5 * (case["autoreset_mode"] == "disabled")
-    calls = [{"call": "reset", "rows": {"seed": drawn_seeds(rng, case["num_envs"])}}]
+    calls = [{"call": "reset", "rows": {"seed": rng.integers(2**31) + np.arange(case["num_envs"])}}]
     calls += [call_of(rng, case["num_envs"], scene, str(kind)) for kind in rng.choice(usual, count)]
     return case | {"scene": scene.to_dict(), "calls": calls}
-
-
-def drawn_seeds(rng, count):
-    return rng.integers(2**31) + np.arange(count)
-
-
-def step(actions, **more):
-    return {"call": "step", "rows": {"actions": actions}, **more}
 
 
 def call_of(rng, count, scene, kind):
@@ -142,9 +133,9 @@ def call_of(rng, count, scene, kind):
     if kind in ("step", "bad_step"):  # inside [-1, 1], at its ends, and beyond
         kinds = (*ACTIONS, *RARE_EFFORTS) if kind == "bad_step" else ACTIONS
         actions = drawn_rows(rng, [str(x) for x in rng.choice(kinds, count)], np.ones(joints))
-        return step(actions, **{"float64": True} if kind == "bad_step" else {})
+        return {"call": "step", "rows": {"actions": actions}, "float64": kind == "bad_step"}
     if kind == "refused_step":
-        return step(np.zeros((count, joints + 1)), refused="shape")
+        return {"call": "step", "rows": {"actions": np.zeros((count, joints + 1))}, "refused": "shape"}
     if kind == "refused_reset":
         name, wrong = [
             ("unknown", {"unknown": 1.0}), ("masses", {"parameters": {"masses": -1.0}}),
@@ -155,7 +146,7 @@ def call_of(rng, count, scene, kind):
     some = rng.permutation(count)[: rng.integers(1, max(2, count // 2))]
     call = {"call": "reset", "lanes": np.sort(some) if kind == "partial_reset" else None, "rows": {}}
     if rng.random() < 0.5:
-        call["rows"]["seed"] = drawn_seeds(rng, count)
+        call["rows"]["seed"] = rng.integers(2**31) + np.arange(count)
     if kind == "reset_with" or rng.random() < 0.2:
         call["rows"]["options"] = drawn_options(rng, scene, count)
         call["refusable"] = True

@@ -13,7 +13,7 @@ import redundant_envs as rde
 from redundant_envs.compiler.backends import cache
 from studies.drawing import drawn_arm, own_effects
 
-from .cases import minimised, plain, read, write
+from .cases import plain, read, write
 from .drawing import AUTORESETS, drawn, drawn_scene, drawn_vector
 from .running import judged, run
 
@@ -68,7 +68,7 @@ def test_no_order_of_calls_breaks_a_promise(face, seed):
     assert judged(case) == [], case
 
 
-# ---- drawing, files, making small --------------------------------------------------------------------
+# ---- drawing, and files --------------------------------------------------------------------------------
 
 
 def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):
@@ -90,23 +90,3 @@ def test_every_effect_and_every_way_to_step_is_drawn():
     arms = [drawn_arm(rng) for _ in range(1000)]
     assert max(max(arm.masses) / min(arm.masses) for arm in arms) > 1e10
     assert max(max(arm.lengths) / min(arm.lengths) for arm in arms) > 1e5
-
-
-def test_a_failing_case_is_made_small():
-    """To the one lane, the one call and the one effect that it needs."""
-    case = next(c for c in (drawn(5, n) for n in range(0, 100, 5)) if c["num_envs"] > 8)
-    case["scene"]["effects"] = [{"type": "Gravity"}, {"type": "ViscousFriction"}]
-    case["calls"] += [{"call": "last"}, {"call": "save"}]
-    case["calls"][0]["rows"]["q"][4][0] = 77.0
-
-    def fails(c):
-        return (
-            any(row[0] == 77.0 for row in c["calls"][0]["rows"]["q"])
-            and {"type": "ViscousFriction"} in c["scene"]["effects"]
-            and "last" in [call["call"] for call in c["calls"]]
-        )
-
-    small = minimised(case, fails)
-    assert (small["num_envs"], small["threads"]) == (1, 1)
-    assert small["scene"]["effects"] == [{"type": "ViscousFriction"}]
-    assert [call["call"] for call in small["calls"]] == ["set_state", "last"]

@@ -12,8 +12,6 @@ from redundant_envs.envs.vector_env import ArmVectorEnv
 from . import cases, judging, running
 from .cases import plain, read
 from .drawing import drawn_vector
-from .judging import FLAGS
-from .running import judged, run
 
 pytestmark = pytest.mark.long
 
@@ -70,8 +68,8 @@ def draws_before_it_refuses(core, checked, options, lanes):
 
 BATCH, VECTOR = rde.BatchSimulator, ArmVectorEnv
 FAULTS = [
-    (BATCH, "advance", then(loses_the_last), FLAGS),
-    (BATCH, "advance", then(lambda _, status: status.evaluations.fill(840_000)), FLAGS),
+    (BATCH, "advance", then(loses_the_last), judging.FLAGS),
+    (BATCH, "advance", then(lambda _, status: status.evaluations.fill(840_000)), judging.FLAGS),
     (BATCH, "advance_partly", then(knows_the_first), "effects_commute"),
     (BATCH, "advance", then(numbers_its_lanes), "thousands_have_the_same_bits"),
     (Core, "checked", lambda core, checked, options, lanes: checked({}, lanes), "only_documented_exceptions"),
@@ -88,15 +86,17 @@ FAULTS = [
 def test_a_fault_is_found_made_small_and_played_again(monkeypatch, tmp_path, kind, method, change, name):
     case, right = MOTION if kind in (BATCH, judging) else EPISODES, getattr(kind, method)
     monkeypatch.setattr(running, "drawn", lambda seed, number: case)
-    monkeypatch.setattr(cases, "SECONDS", 10.0)
+    monkeypatch.setattr(cases, "SECONDS", np.inf if name == judging.FLAGS else 10.0)
     with monkeypatch.context() as patch:
         patch.setattr(kind, method, lambda self, *args: change(self, functools.partial(right, self), *args))
-        _, (path,) = run(0, [0], np.inf, tmp_path, (name,))
-        assert name in {v.invariant for v in judged(read(path))}
+        _, (path,) = running.run(0, [0], np.inf, tmp_path, (name,))
+        assert name in {v.invariant for v in running.judged(read(path), only=(name,))}
     small = read(path)
     assert small["fails"] == name
     assert small["num_envs"] < case["num_envs"] or len(small["calls"]) < len(case["calls"])
-    assert judged(small, only=(name,)) == []
+    if name == judging.FLAGS:  # one lane, one interval and no effect are enough
+        assert (small["num_envs"], len(small["calls"]), small["scene"]["effects"]) == (1, 2, [])
+    assert running.judged(small, only=(name,)) == []
 
 
 def test_a_fault_is_planted_for_every_promise_but_those_of_verify():
