@@ -208,3 +208,15 @@ def test_the_state_of_one_environment_goes_on_in_lanes_of_a_vector_and_leaves_th
     np.testing.assert_array_equal(begin(env), plain.core.observe()[0])  # generators are the vector's own
     refused(env, lambda env: env.set_state(plain.get_state(), [1]), "keys .*ended|num_envs is 3 there")
     refused(env, lambda env: env.set_state(state, [3]), "lanes are 0..2")
+
+
+@pytest.mark.long
+def test_environments_of_many_groups_of_lanes_are_those_of_few():
+    count, last = 512 + 21, 512 - 64  # few are in one group, many are not
+    many, few = (made("next_step", FOUR_R, n, max_episode_steps=20) for n in (count, count - last))
+    np.testing.assert_array_equal(many.reset(seed=3)[0][last:], few.reset(seed=3 + last)[0])
+    rng = np.random.default_rng(6)
+    for _ in range(45):
+        actions = rng.uniform(-1, 1, (count, 4)).astype(np.float32)
+        for found, expected in zip(many.step(actions)[:4], few.step(actions[last:])[:4], strict=True):
+            np.testing.assert_array_equal(found[last:], expected)

@@ -10,8 +10,8 @@ import time
 import warnings
 from pathlib import Path
 
-from .judging import NAMES
-from .running import judged, read, run
+from .cases import read
+from .running import NAMES, judged, run
 
 
 def main(arguments=None):

@@ -6,7 +6,6 @@ and ``torch_step``.
 
 import dataclasses
 import re
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,13 +19,7 @@ from redundant_envs.verify import Subject, Verdict, accuracy, bits, conservation
 from redundant_envs.verify.checks import Sample, check, checks_of, enough, ratio
 from redundant_envs.verify.promises import EQUAL_BITS, NotApplicable, at_most
 
-
-class Violation(NamedTuple):
-    invariant: str
-    call: int  # -1: none in particular, as the lane
-    lane: int
-    found: str
-
+from .cases import Violation
 
 MAX_TRIALS, MAX_MORE, MAX_ADAPTIVE = 65536, 18, 1_000_002
 """Most steps of an interval, more for each substep, and the most for dop853."""
@@ -116,7 +109,6 @@ OF_VERIFY = {
 }  # fmt: skip
 """Checks whose promise holds for every scene and state that can be drawn, by the names of their promises."""
 FLAGS = "flags_and_budgets"
-NAMES = {FLAGS, *OF_VERIFY}
 
 
 def wrongly_told(scene, start, end, status):
@@ -133,7 +125,6 @@ def wrongly_told(scene, start, end, status):
 def violations_of(case, tally, only=()):
     """Play a case of a simulator, and judge its scene in the states that it passed without a flag."""
     scene, (start, *others) = rde.Scene.from_dict(case["scene"]), (call["rows"] for call in case["calls"])
-    tally["scenes"] += 1
     batch = rde.BatchSimulator(scene, case["num_envs"], case["threads"], track_work=True)
     batch.set_state(start["q"], start["qd"])
     passed, found = [], []

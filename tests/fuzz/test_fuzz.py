@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import redundant_envs as rde
 from redundant_envs.compiler.backends import cache
 from studies.drawing import drawn_arm, own_effects
 
-from .drawing import drawn, drawn_scene
-from .running import judged, read, run, write
+from .cases import plain, read, write
+from .drawing import AUTORESETS, drawn, drawn_scene, drawn_vector
+from .running import judged, run
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "runs" / "fuzz"
@@ -30,7 +32,7 @@ def kernels_of_its_own(monkeypatch):
 @pytest.mark.long
 @pytest.mark.usefixtures("kernels_of_its_own")
 def test_cases_of_a_fixed_seed():
-    tally, files = run(0, (2, 4, 7, 9, 12), math.inf, OUT)
+    tally, files = run(0, (1, 2, 3, 4, 7, 9, 12), math.inf, OUT)
     told = "\n".join(f"python -m tests.fuzz --replay {path}" for path in files)
     assert not files, f"{tally}; each failure is a file:\n{told}"
     assert tally["intervals"] > 100
@@ -51,7 +53,22 @@ def test_mended_failures_stay_mended(path):
     assert judged(read(path)) == []
 
 
-# ---- drawing, files, making small --------------------------------------------------------------------
+FACES = {"goal": {"goal": True, "on_bad_action": "raise", "autoreset_mode": "next_step"}} | {
+    mode: {"goal": False, "on_bad_action": "terminate", "autoreset_mode": mode} for mode in AUTORESETS
+}
+
+
+@pytest.mark.quick("goal-0", "next_step-0")
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("face", FACES)
+def test_no_order_of_calls_breaks_a_promise(face, seed):
+    """Of a scene of the package, which is compiled once."""
+    fixed = FACES[face] | {"num_envs": 3, "threads": 1, "max_episode_steps": 6}
+    case = plain(drawn_vector(np.random.default_rng(seed), rde.load_scene("rprp_reach"), 20, **fixed))
+    assert judged(case) == [], case
+
+
+# ---- drawing, and files --------------------------------------------------------------------------------
 
 
 def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):

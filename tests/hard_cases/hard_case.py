@@ -1,9 +1,12 @@
-"""The harness of hard cases: rows that simulate a motion and ask for figures of it, each with its bound."""
+"""The harness of hard cases: rows that simulate a motion of a subject and ask for figures of it.
+
+Measured of this package every figure must keep its bound; measured of a naive variant, one must miss it.
+"""
 
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,7 @@ import numpy as np
 import yaml
 
 import redundant_envs as rde
+from redundant_envs.control import pose_at
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.verify.promises import Promise, at_most
 from tests.exact_numbers import exactly
@@ -38,7 +42,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case: its words in ``cases.yaml``, and its rows, functions that give figures."""
+    """A hard case: its words in ``cases.yaml``, and its rows, which are functions of a subject."""
 
     number: str
     theme: str
@@ -46,10 +50,18 @@ class Case:
     hard: str
     naive: str
     rows: tuple
+    caught: tuple = ()  # naive variants that fail it: subclasses of Subject
     mujoco: str = ""
+    compared: bool = False  # also measured of MuJoCo
 
-    def figures(self):
-        return [figure for row in self.rows for figure in row()]
+    def figures(self, subject):
+        """Figures of a subject; variants overflow and divide by zero, which shows in their figures."""
+        with np.errstate(all="ignore"):
+            for row in self.rows:
+                yield from row(subject)
+
+
+# ---- subjects ---------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -60,10 +72,47 @@ class Motion:
     qd: np.ndarray
     numerics: np.ndarray  # (lanes,): faults of all intervals
     evaluations: np.ndarray  # (intervals, lanes)
-    events: list  # at stops, in the order in which they were reported
+    events: list = field(default_factory=list)  # at stops, in the order in which they were reported
+
+    @classmethod
+    def begun(cls, q, qd, intervals):
+        """A motion that contains only its start."""
+        states = np.empty((2, intervals + 1, *q.shape))
+        states[:, 0] = q, qd
+        return cls(*states, np.zeros(len(q), int), np.zeros((intervals, len(q)), int))
 
     def impacts(self, joint=None, lane=0):
         return [x for x in self.events if "impact" in x.kind and x.lane == lane and joint in (None, x.joint)]
+
+
+class Subject:
+    """This package. A naive variant derives from it, and answers one thing its own way."""
+
+    name = "this package"
+
+    def accelerations(self, arm, q, qd, Q, g=0.0):
+        """qdd, (..., joints), from generalized forces."""
+        return arm.forward_dynamics(q, qd, Q, g)
+
+    def pose_at(self, scene, start, goal):
+        """A pose with the tip at a goal, by iteration from a start."""
+        return pose_at(scene, np.array([start]), goal[None])[0]
+
+    def motion(self, run):
+        batch = run.batch(run.scene)
+        self.keep(batch)
+        motion = Motion.begun(batch.q, batch.qd, run.intervals)
+        for k in range(run.intervals):
+            status = batch.advance(run.command(k))
+            motion.events += batch.events(k * run.scene.control_dt)
+            self.keep(batch)
+            motion.q[k + 1], motion.qd[k + 1] = batch.q, batch.qd
+            motion.numerics |= status.numerics
+            motion.evaluations[k] = status.evaluations
+        return motion
+
+    def keep(self, batch):
+        """Set another state for the next interval: this package keeps its own."""
 
 
 # ---- rows -------------------------------------------------------------------------------------------------
@@ -89,39 +138,35 @@ class Run:
     asked: tuple[Asked, ...] = ()
     efforts: Any = None  # or a function of the number of an interval
     name: str = ""  # before those of the figures
+    longest: float | None = None  # step of variants with equal steps, s; None: their own
 
-    def started(self, scene):
-        """A simulator at the start, which tells events."""
+    def start(self):
+        """States of lanes, (lanes, joints) each."""
         q, qd = np.broadcast_arrays(np.atleast_2d(np.asarray(self.q, float)), np.asarray(self.qd, float))
+        return q.copy(), qd.copy()
+
+    def command(self, k):
+        """Efforts of an interval, (lanes, joints)."""
+        efforts = self.efforts(k) if callable(self.efforts) else self.efforts
+        return np.broadcast_to(0.0 if efforts is None else efforts, self.start()[0].shape)
+
+    def batch(self, scene):
+        """A simulator at the start, which tells events."""
+        q, qd = self.start()
         batch = rde.BatchSimulator(scene, len(q), track_work=True)
         batch.set_state(q, qd)
         return batch
 
-    def advance(self, batch, k):
-        efforts = self.efforts(k) if callable(self.efforts) else self.efforts
-        return batch.advance(np.broadcast_to(0.0 if efforts is None else efforts, batch.q.shape))
-
-    def motion(self):
-        batch = self.started(self.scene)
-        states, status, events = [(batch.q, batch.qd)], [], []
-        for k in range(self.intervals):
-            status.append(self.advance(batch, k))
-            events += batch.events(k * self.scene.control_dt)
-            states.append((batch.q, batch.qd))
-        faults = np.bitwise_or.reduce([x.numerics for x in status])
-        evaluations = np.array([x.evaluations for x in status])
-        return Motion(*map(np.array, zip(*states, strict=True)), faults, evaluations, events)
-
-    def __call__(self):
-        motion = self.motion()
+    def __call__(self, subject):
+        motion = subject.motion(self)
         for one in self.asked:
             yield Figure(self.name + one.name, float(one.number(self, motion)), one.promise)
 
     def fine_end(self, substeps):
         """A simulator at the end of the motion in many equal steps."""
-        batch = self.started(dataclasses.replace(self.scene, tolerance=None, substeps=substeps))
+        batch = self.batch(dataclasses.replace(self.scene, tolerance=None, substeps=substeps))
         for k in range(self.intervals):
-            self.advance(batch, k)
+            batch.advance(self.command(k))
         return batch
 
 
@@ -137,13 +182,13 @@ class Accelerations:
     bound: float = 1e-14
     name: str = ""
 
-    def __call__(self):
+    def __call__(self, subject):
         promise = at_most(self.bound, "of the largest acceleration")
-        yield Figure(f"{self.name}the error of qdd", self.error(), promise)
+        yield Figure(f"{self.name}the error of qdd", self.error(subject), promise)
 
-    def error(self):
+    def error(self, subject):
         state = (np.array(x, float) for x in (self.q, self.qd, self.Q))
-        found, exact = self.arm.forward_dynamics(*state, self.g), self.exact()
+        found, exact = subject.accelerations(self.arm, *state, self.g), self.exact()
         if not np.isfinite(found).all():
             return math.nan
         with mpmath.workdps(60):

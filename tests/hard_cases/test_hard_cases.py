@@ -1,16 +1,22 @@
-"""This package keeps every bound of every hard case, and a page shows them."""
+"""This package keeps every bound of every hard case, naive variants do not, and a page shows both."""
 
 import re
 
 import pytest
 
+from redundant_envs.support.figures import new_figure
 from redundant_envs.verify.promises import at_most
 
 from . import __main__ as page
 from .cases import CASES
-from .hard_case import THEMES, Figure
+from .hard_case import THEMES, Figure, Subject
 
 BY_NUMBER = {case.number: case for case in CASES}
+PAIRS = [
+    pytest.param(case, variant, id=f"{case.number}-{variant.name}")
+    for case in CASES
+    for variant in case.caught
+]
 
 
 @pytest.mark.quick(
@@ -19,13 +25,33 @@ BY_NUMBER = {case.number: case for case in CASES}
 )  # fmt: skip
 @pytest.mark.parametrize("number", BY_NUMBER)
 def test_a_hard_case_keeps_its_bounds(number):
-    assert [f"{figure}" for figure in BY_NUMBER[number].figures() if not figure.kept] == []
+    assert [str(figure) for figure in BY_NUMBER[number].figures(Subject()) if not figure.kept] == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("case", "variant"), PAIRS)
+def test_a_naive_variant_fails_its_case(case, variant):
+    passes = all(figure.kept for figure in case.figures(variant()))  # until the first that is missed
+    assert not passes, f"{variant.name} passes case {case.number}"
 
 
 def test_the_page_has_every_case_in_order_and_marks_missed_promises():
-    missed = Figure("an error", 3.0, at_most(2.0, "m"))
+    kept, missed = (Figure("an error", found, at_most(2.0, "m")) for found in (1.0, 3.0))
     assert str(missed) == "an error is 3, at most 2 m is promised"
-    text = page.text({key: [missed] for key in BY_NUMBER}, "a machine", "a day")
+    results = {number: {"this package": [kept], "a variant": [missed]} for number in BY_NUMBER}
+    text = page.text(results, "a machine", "a day")
     assert re.findall(r"^### .*$", text, re.M) == [page.heading(case) for case in CASES]
     assert re.findall(r"^## (.*)$", text, re.M) == list(THEMES)
-    assert text.count("| an error | at most 2 m | **3** |") == len(CASES)
+    assert text.count("| an error | at most 2 m | 1 | **3** |") == len(CASES)
+    pictures = re.findall(r"\(hard_cases/(\w+)\.png\)", text)
+    assert sorted(pictures) == sorted(draw.__name__ for draw, _ in page.PICTURES.values())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", page.PICTURES)
+def test_a_picture_of_the_page_is_drawn_again(number):
+    pytest.importorskip("matplotlib", reason="pictures need the extra 'plot'")
+    draw, _ = page.PICTURES[number]
+    axes = new_figure(6.4, 3.6, 120).subplots()
+    draw(axes, False)
+    assert "this package" in " ".join(axes.get_legend_handles_labels()[1])
