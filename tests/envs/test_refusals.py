@@ -232,7 +232,7 @@ def test_states_of_another_kind_or_number_of_environments():
         if b == 0 and a != 2:  # vectors take the state of a single environment
             continue
         said[a, b] = refused(envs[a], lambda env, b=b: env.set_state(envs[b].get_state()), "state")
-    assert "num_envs is 1 there and 9 here" in said[6, 1]
+    assert "num_envs is 3 there and 9 here" in said[6, 3]
     assert "autoreset_mode is same_step there and next_step here" in said[3, 4]
 
 
