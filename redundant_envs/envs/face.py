@@ -389,8 +389,7 @@ class VectorEnvBase(EnvBase):
     ) -> tuple[Any, Outputs]:
         """Begin episodes in the environments of a mask; observations and outputs."""
         checked = self.core.checked(options, np.flatnonzero(mask))
-        chosen = mask.tolist()
-        seeded = {lane: seed for lane, seed in enumerate(seeds) if seed is not None and chosen[lane]}
+        seeded = {lane: seed for lane, seed in enumerate(seeds) if seed is not None and mask[lane]}
         self.core.seed(np.array([*seeded], dtype=np.int64), [*seeded.values()])
         self.core.begin(mask, checked)
         obs, out = self.core.observe()
