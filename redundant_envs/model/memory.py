@@ -154,23 +154,23 @@ class Memory:
         space, rows = self._place_of(tuple(names))
         if self.shared and space == str(PARAMETER):
             return np.tile(self.arrays[space][0, rows, 0], (self.count if index is None else len(index), 1))
-        if index is None:
-            numbers = self.arrays[space][:, rows].swapaxes(1, 2)
-            return numbers.reshape(self.blocks * LANES, len(rows))[: self.count].copy()
-        block, lane = np.divmod(index, LANES)
-        return self.arrays[space][block[:, None], rows, lane[:, None]]  # type: ignore[no-any-return]
+        if index is not None and LANES * len(index) < self.count:  # a few of many
+            block, lane = np.divmod(index, LANES)
+            return self.arrays[space][block[:, None], rows, lane[:, None]]  # type: ignore[no-any-return]
+        numbers = self.arrays[space][:, rows].swapaxes(0, 1).reshape(len(rows), self.blocks * LANES)
+        return (numbers[:, : self.count] if index is None else numbers.take(index, axis=1)).T.copy()
 
     @alone
     def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> bool:
-        """Set numbers of one lifetime from what broadcasts to (lanes, names); false if all lanes share them
-        already."""
+        """Set numbers of one lifetime from what broadcasts to (lanes, names); false if these are parameters
+        and what they were."""
         lanes, (space, rows) = self.index if index is None else index, self._place_of(tuple(names))
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
-        if self.shared and space == str(PARAMETER):
+        if space == str(PARAMETER):
             bits = np.ascontiguousarray(table).view(np.int64)
-            if (bits == self.arrays[space][0, rows, 0].view(np.int64)).all():
+            if (bits == self.read(names, lanes).view(np.int64)).all():
                 return False
-            if len(lanes) == self.count and (bits == bits[:1]).all():
+            if self.shared and len(lanes) == self.count and (bits == bits[:1]).all():
                 self.arrays[space][0, rows] = table[:1].T
                 return True
             self.part()
