@@ -322,8 +322,9 @@ class Core(Copied):
             raise ValueError("state is of an episode that has ended; take one of an episode that goes on")
         self.provide_keys(lanes[~self.keys[lanes].any(axis=1)])  # to those that have not begun
         fields = self.memory.layout.fields
-        names = [name for name in fields if fields[name].lifetime in KEPT and name != "limit"]
-        self.memory.write(names, single.memory.read(names), lanes)
+        for life in KEPT:
+            names = [name for name in fields if fields[name].lifetime is life and name != "limit"]
+            self.memory.write(names, single.memory.read(names), lanes)
         self.mask[lanes] = self.ended[lanes] = 0
 
     @cached_property

@@ -48,7 +48,7 @@ class Status(NamedTuple):
     """Results of one control interval, per lane: (num_envs,) each.
 
     ``error_estimate`` is the tip error of the interval [m]; of dop853 that of its last step in units of its
-    tolerance; NaN for methods without an estimate.
+    tolerance; NaN for methods without an estimate. Arrays that are the same in every interval are read-only.
     """
 
     finite: NDArray[np.bool_]  # whether all states are finite
@@ -87,7 +87,7 @@ class BatchSimulator(Copied):
         ``set_state`` begins has the same draws again; give another seed for others.
     """
 
-    made_anew = ("_team", "_beginning", "_filled", "_facts")
+    made_anew = ("_team", "_beginning", "_outputs", "_facts")
 
     def __init__(
         self, scene: Scene, num_envs: int = 1, threads: int = 1, track_work: bool = False, seed: int = 0
@@ -111,11 +111,16 @@ class BatchSimulator(Copied):
         self._team = Team(simulator, "advance", memory, self.threads)
         computed = dynamics.effect_states.computed
         self._beginning = Team(simulator, "begin", memory, 1) if computed else None
-        self._filled = {name: np.zeros(memory.blocks * LANES, kind) for name, kind in OUTPUTS.items()}
-        self._filled["error"][:] = np.nan  # kernels fill what changes from interval to interval
-        self._filled["evaluations"][:] = self.scene.substeps * dynamics.method.stages
+        filled = {name: np.zeros(memory.blocks * LANES, kind) for name, kind in OUTPUTS.items()}
+        filled["error"][:] = np.nan
+        filled["evaluations"][:] = self.scene.substeps * dynamics.method.stages
         for part in self._team.parts:
-            part.set(**{name: column[part.first * LANES :] for name, column in self._filled.items()})
+            part.set(**{name: column[part.first * LANES :] for name, column in filled.items()})
+        features = simulator.features
+        filled["error"].flags.writeable = bool(dynamics.method.error5)
+        filled["evaluations"].flags.writeable = features.counts_evaluations
+        filled["events"].flags.writeable = bool(features.stops)
+        self._outputs = [(column[: self.num_envs], column.flags.writeable) for column in filled.values()]
 
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
@@ -275,9 +280,9 @@ class BatchSimulator(Copied):
             table = table.copy(order="C")
         start, size = address(table), table.strides[0]
         for part in self._team.parts:
-            part.put("efforts", (start + part.first * LANES * size,))
+            part.set(efforts=start + part.first * LANES * size)
         self._team()
-        return Status(*[filled[:n].copy() for filled in self._filled.values()])
+        return Status(*[column.copy() if changes else column for column, changes in self._outputs])
 
     @first
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
@@ -291,9 +296,8 @@ class BatchSimulator(Copied):
         if not number or not 0.0 < duration <= sys.float_info.max:
             raise ValueError(f"duration is {shown(duration)} s; it must be a finite and positive number")
         times = {"h": duration / self.scene.substeps, "interval": duration}
-        columns = {
-            n: self._memory.column(n) for n in times if n in self._memory
-        }  # pieces have h of their own
+        # Pieces of an interval have steps of their own lengths.
+        columns = {n: self._memory.column(n) for n in times if n in self._memory}
         usual = {name: column.copy() for name, column in columns.items()}
         try:
             for name, column in columns.items():

@@ -84,6 +84,7 @@ class Memory:
     ) -> None:
         """``more`` are parameters beside the scene's; ``drawn`` if episodes draw some, never shared."""
         self.dynamics, self.layout, self.count = dynamics, layout, count
+        self._places: dict[tuple[str, ...], tuple[str, NDArray[np.intp]]] = {}
         self.user = get_ident()  # the thread that uses these numbers, in a method of :func:`alone`
         self.free = IN_USE  # or the version, if no thread uses these numbers
         self.blocks = -(-count // LANES)
@@ -139,39 +140,43 @@ class Memory:
     def __contains__(self, name: str) -> bool:
         return name in self.layout and self.layout.fields[name].lifetime in KEPT
 
+    def _place_of(self, names: tuple[str, ...]) -> tuple[str, NDArray[np.intp]]:
+        """The array of some fields of one lifetime, and their rows in it."""
+        if names not in self._places:
+            found = [self.layout.row_of(name) for name in names]
+            (space,) = {space for space, _ in found} or {str(STATE)}
+            self._places[names] = space, np.array([row for _, row in found], np.intp)
+        return self._places[names]
+
     @alone
     def read(self, names: Sequence[str], index: NDArray[Any] | None = None) -> Array:
-        """Numbers of some lanes as a new array (lanes, names)."""
-        lanes = self.index if index is None else np.asarray(index)
-        table = np.empty((len(lanes), len(names)))
-        for k, name in enumerate(names):
-            column = self.column(name)
-            if self.shared and self.layout.fields[name].lifetime is PARAMETER:
-                table[:, k] = column[0, 0]
-            else:
-                table[:, k] = column.reshape(-1)[lanes]
-        return table
+        """Numbers of one lifetime, of some lanes, as a new array (lanes, names)."""
+        space, rows = self._place_of(tuple(names))
+        if self.shared and space == str(PARAMETER):
+            return np.tile(self.arrays[space][0, rows, 0], (self.count if index is None else len(index), 1))
+        if index is not None and LANES * len(index) < self.count:  # a few of many
+            block, lane = np.divmod(index, LANES)
+            return self.arrays[space][block[:, None], rows, lane[:, None]]  # type: ignore[no-any-return]
+        numbers = self.arrays[space][:, rows].swapaxes(0, 1).reshape(len(rows), self.blocks * LANES)
+        return (numbers[:, : self.count] if index is None else numbers.take(index, axis=1)).T.copy()
 
     @alone
     def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> bool:
-        """Set numbers from what broadcasts to (lanes, names); false if all lanes have them already."""
-        lanes, changed = self.index if index is None else np.asarray(index), False
+        """Set numbers of one lifetime from what broadcasts to (lanes, names); false if these are parameters
+        and what they were."""
+        lanes, (space, rows) = self.index if index is None else index, self._place_of(tuple(names))
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
-        for name, column in zip(names, table.T, strict=True):
-            self.layout.row_of(name)  # for an unknown name, the error lists the valid ones
-            if self.layout.fields[name].lifetime is PARAMETER and self.shared and len(column):
-                bits = np.ascontiguousarray(column).view(np.int64)
-                if (bits == self.column(name)[:1, 0].view(np.int64)).all():
-                    continue
-                if len(lanes) == self.count and (bits == bits[0]).all():
-                    self.column(name)[:] = column[0]
-                    changed = True
-                    continue
-                self.part()
-            # A view cannot do this: the blocks of a field are not contiguous.
-            self.column(name)[lanes // LANES, lanes % LANES] = column
-            changed = True
-        return changed
+        if space == str(PARAMETER):
+            bits = np.ascontiguousarray(table).view(np.int64)
+            if (bits == self.read(names, lanes).view(np.int64)).all():
+                return False
+            if self.shared and len(lanes) == self.count and (bits == bits[:1]).all():
+                self.arrays[space][0, rows] = table[:1].T
+                return True
+            self.part()
+        block, lane = np.divmod(lanes, LANES)
+        self.arrays[space][block[:, None], rows, lane[:, None]] = table
+        return True
 
     def part(self) -> None:
         """Give each lane parameters of its own."""

@@ -59,7 +59,7 @@ def shaped(name: str, array: NDArray[np.float64], lanes: int, width: int) -> NDA
     """Numbers (lanes, width) from those of one lane or of all."""
     if array.shape not in ((width,), (1, width), (lanes, width)):
         raise ValueError(f"{name} has shape {array.shape}; give ({width},) or ({lanes}, {width})")
-    return np.broadcast_to(array, (lanes, width))
+    return array if array.shape == (lanes, width) else np.broadcast_to(array, (lanes, width))
 
 
 def lanes_of(index: ArrayLike | None, count: int) -> NDArray[np.int64]:

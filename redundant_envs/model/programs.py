@@ -308,11 +308,11 @@ class Team:
         cuts = np.linspace(0, memory.blocks, min(threads, memory.blocks) + 1).astype(int).tolist()
         self.parts = [Part(simulator, name, memory, a, b) for a, b in itertools.pairwise(cuts)]
         self._memory, self._also = memory, also
-        scene = simulator.dynamics.scene
-        self._long = max(LONG_CALL, LONG_OF_LANE * memory.count)
-        self._least = SUBSTEP * scene.substeps * -(-memory.blocks // len(self.parts))  # ns of a call
+        scene, longest = simulator.dynamics.scene, max(LONG_CALL, LONG_OF_LANE * memory.count)
+        least = SUBSTEP * scene.substeps * -(-memory.blocks // len(self.parts))
+        self._long = longest if least < longest else 0  # ns of a call that is long
         # ns that the last call took; of the first one, what it may take
-        self._took = self._least if scene.tolerance is None or memory.blocks == 1 else self._long
+        self._took = 0 if scene.tolerance is None or memory.blocks == 1 else self._long
         self._start()
 
     @property
@@ -333,7 +333,7 @@ class Team:
             self._share_out(long)
         else:
             self.parts[0]()
-        self._took = max(self._least, time.perf_counter_ns() - start)
+        self._took = time.perf_counter_ns() - start
 
     def _share_out(self, long: bool) -> None:
         """Run each part in a thread."""

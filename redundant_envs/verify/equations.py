@@ -66,16 +66,31 @@ def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
     return np.stack([columns((dual(x).slope for x in each), len(q)) for each in found], axis=-1)
 
 
-def at_poses(trial: Sample) -> Equations:
-    """Quantities that follow from the point masses, and from the inertias that effects add."""
-    arm, q = trial.arm, trial.poses[0]
-    n, joints, masses = len(q), len(arm.joints), np.array(arm.masses)
-    of_points = [f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"]
-    slope = slopes(arm, of_points, q).reshape(n, -1, 2, joints)
-    M = np.einsum("p,npai,npaj->nij", masses, slope, slope)
+def added_inertia(trial: Sample) -> Array:
+    """Inertias that effects add to the mass matrix beside masses, (joints, joints)."""
+    arm = trial.scene.robot
+    total = np.zeros((len(arm.joints),) * 2)
     for a in trial.scene.attached.of(Inertia):
         direction = arm.motor_map[:, list(a.hook.joints)].sum(axis=1)
-        M += a.number(a.hook.inertia) * np.outer(direction, direction)
+        total += a.number(a.hook.inertia) * np.outer(direction, direction)
+    return total
+
+
+def from_points(trial: Sample) -> Equations:
+    return equations_at(trial, trial.states[0])
+
+
+def at_poses(trial: Sample) -> Equations:
+    return equations_at(trial, trial.poses[0])
+
+
+def equations_at(trial: Sample, q: Array) -> Equations:
+    """Quantities that follow from the point masses, and from the inertias that effects add."""
+    arm, n = trial.arm, len(q)
+    joints, masses = len(arm.joints), np.array(arm.masses)
+    of_points = [f"{axis}{k + 1}" for k in range(arm.num_masses) for axis in "xy"]
+    slope = slopes(arm, of_points, q).reshape(n, -1, 2, joints)
+    M = np.einsum("p,npai,npaj->nij", masses, slope, slope) + added_inertia(trial)
     change = slopes(arm, entries("M", joints, joints), q).reshape(n, joints, joints, joints)
     return Equations(arm.points(q), slope, M, np.sqrt(np.einsum("nii->ni", M)), change)
 

@@ -29,13 +29,14 @@ from redundant_envs.verify import (
     impacts,
     kinematics,
     recorded_bits,
+    symmetries,
 )
 from redundant_envs.verify.checks import STATES, Check, Outcome, Sample, checks_of
 from redundant_envs.verify.promises import Mode, Verdict
 from redundant_envs.verify.subjects import Subject, kind_of, subject_from, subjects_of
 
 CHECKS: tuple[Check, ...] = checks_of(
-    equations, kinematics, forces, hints, conservation, accuracy, impacts,
+    equations, kinematics, forces, hints, conservation, symmetries, accuracy, impacts,
     bits, evaluators, engines, environments,
 )  # fmt: skip
 """All checks, in the order of the table. A new one is a function in one of these modules."""

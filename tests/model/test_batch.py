@@ -1,5 +1,6 @@
 """A batch of lanes: parameters of their own and status. Bits of any scene: ``test_properties.py``."""
 
+import copy
 import dataclasses
 
 import numpy as np
@@ -74,3 +75,15 @@ def test_an_effort_that_is_no_number_is_reported(integrator):
         status = batch.advance(efforts)
         assert np.flatnonzero(~status.finite).tolist() == [5]
         assert status.numerics[5] == rde.Numerics.NON_FINITE
+
+
+def test_what_is_the_same_in_every_interval_is_read_only_in_a_copy_too():
+    """One array serves all calls: an in-place addition to it must not change later results."""
+    made = rde.BatchSimulator(rde.Scene(FOUR_R, (), integrator="rk4"), 5)
+    for batch in (made, copy.deepcopy(made)):
+        status = batch.advance()
+        for shared in (status.evaluations, status.events, status.error_estimate):
+            with pytest.raises(ValueError, match="read-only"):
+                shared += 1
+        assert batch.advance().evaluations.tolist() == [4] * 5
+        assert np.isnan(status.error_estimate).all()  # rk4 has none

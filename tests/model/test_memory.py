@@ -21,10 +21,11 @@ def memory_of(count):
     return Memory(SIMULATOR.dynamics, SIMULATOR.blocks.layout, count, {})
 
 
+@pytest.mark.parametrize("names", [("m1", "m2", "gravity.g"), ("theta1", "r1", "theta2", "r2")])
 @pytest.mark.parametrize("count", [1, 3, 8, 9, 30])
-def test_numbers_are_those_of_a_plain_table_whatever_lanes_share(count):
+def test_numbers_are_those_of_a_plain_table_whatever_lanes_share(count, names):
     """Numbers of some lanes or all, often what others have, zeros of either sign; snapshots in between."""
-    rng, memory, names = np.random.default_rng(count), memory_of(count), ("m1", "m2", "gravity.g", "theta1")
+    rng, memory = np.random.default_rng(count), memory_of(count)
     table, snapshots = memory.read(names), []
     for _ in range(300):
         kind = rng.integers(10)
@@ -41,8 +42,8 @@ def test_numbers_are_those_of_a_plain_table_whatever_lanes_share(count):
             values = rng.choice([-0.0, 0.0, 1.0, 2.0], (rows, len(columns)))
             memory.write([names[k] for k in columns], values, lanes)
             table[np.ix_(lanes, columns)] = values
-        found = memory.read(names, np.arange(count)[::-1])[::-1]
-        np.testing.assert_array_equal(np.ascontiguousarray(found).view(np.int64), table.view(np.int64))
+        for found in (memory.read(names, np.arange(count)[::-1])[::-1], memory.read(names)):
+            np.testing.assert_array_equal(np.ascontiguousarray(found).view(np.int64), table.view(np.int64))
 
 
 def test_parameters_are_shared_until_they_differ():

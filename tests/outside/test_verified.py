@@ -150,14 +150,31 @@ def test_every_check_of_equations_is_seen_red():
 STOP = e.PrismaticStop((0.0,), (0.3,), 0.5)
 
 
-def test_impulses_of_another_mobility_are_red():
-    arm = FAULTS["mobility of a slider"][0]
-    assert misses(arm, checks("impacts"), (*GRAVITY, STOP)) == {"impacts: velocities"}
+MOTIONS = {
+    "a motor without its reaction": ("motors", checks("momentum"), {"momentum"}),
+    "a force that turns with the velocities": (
+        "h that does no work", checks("energy book", "time reversal"), {"time reversal"},
+    ),
+    "no scaling": (
+        "an inertia that is a number", checks("scaling of masses", "scaling of lengths and time"),
+        {"scaling of masses", "scaling of lengths and time"},
+    ),
+    "impulses of another mobility": ("mobility of a slider", checks("impacts"), {"impacts: velocities"}),
+}  # fmt: skip
+"""Arms of :data:`FAULTS`, and the checks of motions that see them."""
 
 
-def test_accelerations_that_are_not_those_of_mujoco_are_red():
+@pytest.mark.quick("a motor without its reaction")
+@pytest.mark.parametrize(("fault", "checks", "red"), MOTIONS.values(), ids=MOTIONS)
+def test_a_wrong_motion_is_red_and_named(fault, checks, red):
+    effects = (*GRAVITY, STOP) if "impacts: velocities" in red else GRAVITY
+    assert misses(FAULTS[fault][0], checks, effects) == red
+
+
+def test_mujoco_knows_masses_and_joints_of_its_own():
     pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
-    assert misses(FAULTS["accelerations"][0], checks("engines")) == {"MuJoCo: accelerations"}
+    for fault, red in (("M of two links", "mass matrix and tip"), ("accelerations", "accelerations")):
+        assert misses(FAULTS[fault][0], checks("engines")) == {f"MuJoCo: {red}"}
 
 
 def test_a_method_of_another_order_than_it_says_is_red(monkeypatch):

@@ -1,9 +1,13 @@
 """verify finds what leaks, forgets or differs in the machinery of lanes, evaluators and environments."""
 
+import copy
+
 import numpy as np
 import pytest
 
 import redundant_envs as rde
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.env import ArmEnv
 from redundant_envs.envs.vector_env import ArmVectorEnv
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.memory import Memory
@@ -117,15 +121,28 @@ def late(results, wrong, right, at=40):
     return np.where(steps.reshape(-1, *[1] * (np.ndim(right) - 1)), wrong, right)
 
 
+def without_generators(self, state, right=Core.set_state):
+    return right(self, {**state, "generators": copy.deepcopy(self.generators)})
+
+
 VECTOR = ArmVectorEnv
 BROKEN = {
     "rewards of a vector": ("rules of vectors", *stepping(VECTOR, 1, lambda env, a, r: r[1].tolist())),
+    "reward of a single environment": (
+        "single and vector", *stepping(ArmEnv, 1, lambda env, a, r: r[1] + 1e-9),
+    ),
     "observations outside their space": (
         "ranges", *stepping(VECTOR, 0, lambda env, a, r: late(r, np.float32(1.001), r[0])),
     ),
     "metrics that are no number": (
         "ranges", *stepping(VECTOR, 4, lambda env, a, r: r[4] | {"distance": late(r, np.nan, r[1])}),
     ),
+    "threads": (
+        "seeds, threads and neighbours",
+        *stepping(VECTOR, 1, lambda env, a, r: r[1] + 1e-9 * (env.core.threads > 1)),
+    ),
+    "a state without its generators": ("states", Core, "set_state", without_generators),
+    "a copy that is the original": ("copies", VECTOR, "__deepcopy__", itself),
 }  # fmt: skip
 
 

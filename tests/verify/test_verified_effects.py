@@ -19,6 +19,7 @@ from redundant_envs.verify import (
     evaluators,
     hints,
     impacts,
+    symmetries,
     verify,
 )
 from redundant_envs.verify.accuracy import flagged, order
@@ -190,7 +191,7 @@ def test_impacts_without_an_end_and_of_an_arm_of_a_micrometre_are_good():
 @pytest.mark.parametrize(("control_dt", "substeps"), [(SHORTEST_INTERVAL, 8), (LONGEST_INTERVAL, 1)])
 def test_intervals_of_every_allowed_length_can_be_measured(control_dt, substeps):
     scene = dataclasses.replace(SCENES["stops rk4, inelastic"], control_dt=control_dt, substeps=substeps)
-    result = verify(scene, 8, checks=checks_of(conservation, evaluators))
+    result = verify(scene, 8, checks=checks_of(conservation, evaluators, symmetries))
     assert [o.finding.words for o in result.outcomes if "control_dt" in o.finding.words] == []
 
 
