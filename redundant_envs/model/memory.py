@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import os
 from collections.abc import Callable, Sequence
 from threading import get_ident
 from typing import Any, Concatenate, ParamSpec, TypeVar
@@ -15,6 +16,7 @@ from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE, Layout
+from redundant_envs.support.values import shown
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
@@ -83,6 +85,7 @@ class Memory:
         self, dynamics: Dynamics, layout: Layout, count: int, more: dict[str, float], drawn: bool = False
     ) -> None:
         """``more`` are parameters beside the scene's; ``drawn`` if episodes draw some, never shared."""
+        _check_size(layout, count)
         self.dynamics, self.layout, self.count = dynamics, layout, count
         self._places: dict[tuple[str, ...], tuple[str, NDArray[np.intp]]] = {}
         self.user = get_ident()  # the thread that uses these numbers, in a method of :func:`alone`
@@ -236,6 +239,25 @@ class Memory:
         other = copy.copy(self)
         other.restore(states, parameters)
         return other
+
+
+def memory_of_machine() -> int:
+    """Bytes of memory; a terabyte where the system does not tell."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # Windows
+        return 10**12
+
+
+def _check_size(layout: Layout, count: int) -> None:
+    """ValueError if this machine cannot hold the numbers of so many lanes: the system may end a process that
+    tries."""
+    of_lane, machine = 8 * sum(map(layout.size, KEPT)), memory_of_machine()
+    if count * of_lane > machine:
+        raise ValueError(
+            f"num_envs is {shown(count)}; each takes {of_lane} bytes, and this machine has "
+            f"{machine / 1e9:.0f} GB: give at most {machine // of_lane}"
+        )
 
 
 def _aligned_copy(array: Array) -> Array:

@@ -336,16 +336,20 @@ class Team:
         self._took = time.perf_counter_ns() - start
 
     def _share_out(self, long: bool) -> None:
-        """Run each part in a thread."""
+        """Run each part in a thread: the first one in this thread, unless it may have to be interrupted."""
         if self._process != os.getpid():
             self._start()
-        self._workers += [Worker() for _ in self.parts[len(self._workers) :]]
+        parts = self.parts if long else self.parts[1:]
+        self._workers += [Worker() for _ in parts[len(self._workers) :]]
+        workers = self._workers[: len(parts)]
         arrays = (*self._memory.arrays.values(), *self._also) if long else ()
         before, stopped = [array.copy() for array in arrays], None
         try:
-            for worker, part in zip(self._workers, self.parts, strict=True):
+            for worker, part in zip(workers, parts, strict=True):
                 worker.begin(part)
-            for worker in self._workers:
+            if not long:
+                self.parts[0]()
+            for worker in workers:
                 worker.finish(long)
         except BaseException as error:
             stopped = error

@@ -29,7 +29,7 @@ def names_of(scene: Any, name: str, of_task: Iterable[str] = ()) -> list[str]:
     found: dict[str, list[str]] = {kind: [] for kind in OF_ARM}
     for parameter in scene.parameters():
         found[parameter] = [parameter]
-        whole = next((kind for kind in OF_ARM if re.fullmatch(rf"{kind[0]}\d+", parameter)), "")
+        whole = next((k for k in OF_ARM if parameter[0] == k[0] and parameter[1:].isdigit()), "")
         if whole:
             found[f"{whole}[{int(parameter[1:]) - 1}]"] = [parameter]
         if whole or "[" in parameter:

@@ -3,12 +3,14 @@
 import copy
 import itertools
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from faces import FACES, FOUR_R, MODES, actions, begin, drawing, flat, made, refused, running
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
+from redundant_envs.model import memory
 from redundant_envs.simulator.lane.fields import PARAMETER
 
 GOAL_ID = "redundant_envs/RPRPGoalReach-v0"
@@ -73,6 +75,19 @@ def test_an_id_refuses_a_scene_of_another_arm(arm, other, task):
         with pytest.raises(ValueError, match=f"scene has the arm {other}; {env_id} .* {fitting} ") as error:
             made(kind, env_id, scene=scene)
         assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("count", [10**9, 10**20])
+def test_more_environments_than_the_machine_holds_are_refused_by_their_number(count, monkeypatch):
+    monkeypatch.setattr(memory, "memory_of_machine", lambda: 8 * 10**9)
+    for make in (
+        lambda: rde.BatchSimulator(rde.load_scene("four_r_reach"), count),
+        lambda: gym.make_vec(FOUR_R, num_envs=count),
+        lambda: rde.make_sb3(FOUR_R, count),
+    ):
+        words = rf"num_envs is {count}; each takes \d+ bytes.*8 GB: give at most \d+"
+        with pytest.raises(ValueError, match=words):
+            make()
 
 
 def number(**parameters):
