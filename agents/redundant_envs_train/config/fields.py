@@ -76,6 +76,19 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
         case "value_error":  # a message written by the model itself, which names its fields
             message = str(about["error"])
             return message if not name or message.startswith(name) else f"{name}: {message}"
+        case "literal_error":
+            return f"{name} is {got}; choose {about['expected']}"
+        case "model_type" | "dict_type":
+            return f"{name} is {got}; give a mapping"
+        case "string_type":
+            return f"{name} is {got}; give a text"
+        case "tuple_type":
+            default = field.default if field else None
+            example = ", ".join(map(str, default)) if isinstance(default, tuple) else ""
+            return f"{name} is {got}; give a list" + (f", such as [{example}]" if example else "")
+        case "too_long" | "too_short":
+            limit = f"most {about['max_length']}" if "max_length" in about else f"least {about['min_length']}"
+            return f"{name} has {about['actual_length']} entries; give at {limit}"
         case "greater_than_equal" | "less_than_equal" | "kind" | "int_from_float" if field:
             low, high = limits(field)
             if low is not None and high is not None:
