@@ -67,7 +67,7 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
     owner = model_at(kind, place[:-1])
     field = owner.model_fields.get(next((str(p) for p in reversed(place) if isinstance(p, str)), ""))
     match mistake["type"]:
-        case "extra_forbidden":
+        case "extra_forbidden" | "invalid_key":
             prefix = where + dotted(place[:-1]) + ("." if place[:-1] else "")
             return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in owner.model_fields)}"
         case "missing":
@@ -89,8 +89,8 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
         case "too_long" | "too_short":
             limit = f"most {about['max_length']}" if "max_length" in about else f"least {about['min_length']}"
             return f"{name} has {about['actual_length']} entries; give at {limit}"
-        case "greater_than_equal" | "less_than_equal" | "kind" | "int_from_float" if field:
-            low, high = limits(field)
+        case "greater_than_equal" | "less_than_equal" | "kind" | "int_from_float" | "int_parsing_size":
+            low, high = limits(field) if field else (None, None)
             if low is not None and high is not None:
                 whole = "whole " if "int" in str(field.annotation) else ""
                 return f"{name} is {got}; give a {whole}number from {short(low)} to {short(high)}"
