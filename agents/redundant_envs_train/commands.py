@@ -116,8 +116,10 @@ def train(
         raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
     if address is not None and on != "ray":
         raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
-    if processes is not None and (seeds is None or on == "ray"):
-        raise ValueError("processes is for several seeds on this machine; give --seeds, such as --seeds 0..9")
+    if processes is not None and on == "ray":
+        raise ValueError("processes is for this machine; leave --processes out with --on ray")
+    if processes is not None and seeds is None:
+        raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if seeds is not None:
         if any(override.startswith("seed=") for override in overrides or ()):

@@ -31,7 +31,7 @@ from .config.fields import Real, Text, Whole
 from .config.run import Algorithm
 
 with needs("train"):
-    from pydantic import AfterValidator, Field, model_validator
+    from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")  # columns of selection.csv
 MOST = 1e15  # largest number of a run: of its steps, seconds and metres
@@ -97,7 +97,10 @@ Number = Annotated[Real, Field(ge=-MOST, le=MOST)]
 
 
 class Evaluation(Model):
-    """The entries of evaluation.json, in SI units; None for what is unknown, or the task does not tell."""
+    """The entries of evaluation.json, in SI units; None for what is unknown, or the task does not tell.
+    Older versions have written less, and entries of other versions are kept."""
+
+    model_config = ConfigDict(extra="allow")
 
     env: Line
     algo: Algorithm
@@ -107,26 +110,26 @@ class Evaluation(Model):
     hold_success: Share | None
     touch_success: Share | None
     median_distance: Amount | None
-    time_to_hold: Amount | None
-    effort: Amount | None
-    smoothness: Amount | None
+    time_to_hold: Amount | None = None
+    effort: Amount | None = None
+    smoothness: Amount | None = None
     mean_return: Number
     expert_hold_success: Share | None
-    expert_touch_success: Share | None
+    expert_touch_success: Share | None = None
     expert_median_distance: Amount | None
-    expert_time_to_hold: Amount | None
-    expert_effort: Amount | None
-    expert_smoothness: Amount | None
+    expert_time_to_hold: Amount | None = None
+    expert_effort: Amount | None = None
+    expert_smoothness: Amount | None = None
     expert_mean_return: Number | None
-    restless: Count | None  # goals that were missed, by what happened: the tip moved there
+    restless: Count | None = None  # goals that were missed, by what happened: the tip moved there
     passed: Count | None = None  # the tip was there and left
     missed_by_both: Count | None = None
     stopped: Count | None = None  # a fault ended the episode
     faults: dict[Line, Count] = {}
     better: dict[Line, bool | None] = {}
     metrics: dict[Line, Number] = {}
-    env_steps: Count | None
-    train_seconds: Amount | None
+    env_steps: Count | None = None
+    train_seconds: Amount | None = None
     date: Line
     machine: Line
     versions: dict[Line, Line]
@@ -144,6 +147,8 @@ class Evaluation(Model):
 
 class Facts(Model):
     """The entries of training.json; None for what is unknown."""
+
+    model_config = ConfigDict(extra="ignore")
 
     env_steps: Count | None = None
     train_seconds: Amount | None = None

@@ -83,9 +83,9 @@ def csv_rows(path: Path) -> list[dict[str, str]]:
 
 def write_run(
     folder: Path, seed: int = 0, env: str = RPRP, algo: str = "ppo", curve: Any = CURVE,
-    settings: dict[str, Any] | None = None, **facts: Any,
+    settings: dict[str, Any] | None = None, without: tuple[str, ...] = (), **facts: Any,
 ) -> Path:  # fmt: skip
-    """A run folder with entries of its evaluation changed by ``facts``."""
+    """A run folder with entries of its evaluation changed by ``facts``, or left out."""
     folder.mkdir(parents=True)
     config = Config(**{"config_version": 2, "env": env, "algo": algo, "seed": seed, **(settings or {})})
     (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
@@ -95,12 +95,12 @@ def write_run(
         "interval": [0.98, 0.995], "touch_success": 0.999, "expert_hold_success": 1.0,
         "env_steps": 8_000_000, "train_seconds": 100.0, "mean_return": 78.0, "expert_mean_return": 63.0,
         "median_distance": 1e-3, "expert_median_distance": 2e-6, "time_to_hold": 1.5, "effort": 0.2,
-        "smoothness": 0.1, "expert_touch_success": 1.0, "restless": 0,
-        "expert_time_to_hold": 1.2, "expert_effort": 0.4, "expert_smoothness": 0.3,
+        "smoothness": 0.1, "expert_time_to_hold": 1.2, "expert_effort": 0.4, "expert_smoothness": 0.3,
         "versions": {"torch": "2.13.0", "stable-baselines3": "2.9.2", "machine": "Abacus"},
         "machine": "Abacus", "date": "2026-03-04", **facts,
     }  # fmt: skip
-    (folder / "evaluation.json").write_text(json.dumps(evaluation))
+    kept = {name: value for name, value in evaluation.items() if name not in without}
+    (folder / "evaluation.json").write_text(json.dumps(kept))
     lines = [SELECTION, *curve]
     (folder / "selection.csv").write_text("".join(",".join(map(str, line)) + "\n" for line in lines))
     return folder

@@ -35,6 +35,13 @@ def test_bad_settings_of_a_learner_are_refused_by_name(algo, key):
         small_config(algo, **{algo: {key: REFUSALS["learners"][algo][key]}})
 
 
+def test_one_weight_of_smoothness_counts_everywhere():
+    for given, expected in (({}, (0.05, 0.6)), ({"smoothness": 0.2}, (0.2, 0.2)),
+                            ({"smoothness": 0.2, "smoothness_at_goal": 0.3}, (0.2, 0.3))):  # fmt: skip
+        found = small_config("her", her={"learning_starts": 1600, "buffer_size": 4000} | given).settings
+        assert (found.smoothness, found.smoothness_at_goal) == expected
+
+
 def test_every_number_of_a_configuration_has_a_range_and_every_key_a_help(call):
     for name, field in keys():
         assert field.description, name

@@ -73,7 +73,7 @@ def test_groups_are_of_one_environment_learner_settings_scene_and_number_of_goal
 
 
 def test_a_seed_counts_once_and_two_results_of_it_are_refused_by_both_names(tmp_path):
-    first = write_run(tmp_path / "a", 0)
+    first = write_run(tmp_path / "a", 0, restless=3, faults={"SPEED_BOUND": 1}, new="x")  # others tell less
     copy = write_run(tmp_path / "b", 0, machine="Other", date="2026-05-05", train_seconds=77.0)
     other = write_run(tmp_path / "c", 1)
     (same,) = read_groups([first, copy, other, first, f"{other}/"])
@@ -92,7 +92,7 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
     base, path, weak = tmp_path / "runs", tmp_path / "new" / "runs.jsonl", {"scene": "four_r_weak"}
     folders = [
         write_run(base / "a/seed0", 0, machine="12", time_to_hold=None),
-        write_run(base / "a/seed1", 1, curve=[], effort=None),
+        write_run(base / "a/seed1", 1, curve=[], without=("effort",)),
         write_run(base / "b/0", 0, FOUR_R, "sac", settings={"env_kwargs": weak}),
         write_run(base / "c/x", 3, settings={"env_kwargs": {"scene": scene}}, versions={"a.b": "", "c": "1"}),
     ]
@@ -112,7 +112,7 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"hold_success": 0', '"hold": 0', "hold is unknown"),
+        ('"hold_success": 0', '"hold": 0', "hold_success is missing"),
         ("0.99,", "1.99,", "hold_success is 1.99"), ('"rk8"', '"rk7"', "'rk7'"),
         ("[1000.0, 2000.0, 3000.0]", "[1000.0, 3000.0, 2000.0]", "steps or seconds go back"),
         ("[1000.0, 2000.0, 3000.0]", "[1000.0]", "shape"), ("{", "[", "delimiter"),

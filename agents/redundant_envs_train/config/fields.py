@@ -67,7 +67,7 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
     owner = model_at(kind, place[:-1])
     field = owner.model_fields.get(next((str(p) for p in reversed(place) if isinstance(p, str)), ""))
     match mistake["type"]:
-        case "extra_forbidden":
+        case "extra_forbidden" | "invalid_key":
             prefix = where + dotted(place[:-1]) + ("." if place[:-1] else "")
             return f"{name[:80]} is unknown; valid: {', '.join(prefix + f for f in owner.model_fields)}"
         case "missing":
@@ -76,8 +76,21 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
         case "value_error":  # a message written by the model itself, which names its fields
             message = str(about["error"])
             return message if not name or message.startswith(name) else f"{name}: {message}"
-        case "greater_than_equal" | "less_than_equal" | "kind" | "int_from_float" if field:
-            low, high = limits(field)
+        case "literal_error":
+            return f"{name} is {got}; choose {about['expected']}"
+        case "model_type" | "dict_type":
+            return f"{name} is {got}; give a mapping"
+        case "string_type":
+            return f"{name} is {got}; give a text"
+        case "tuple_type":
+            default = field.default if field else None
+            example = ", ".join(map(str, default)) if isinstance(default, tuple) else ""
+            return f"{name} is {got}; give a list" + (f", such as [{example}]" if example else "")
+        case "too_long" | "too_short":
+            limit = f"most {about['max_length']}" if "max_length" in about else f"least {about['min_length']}"
+            return f"{name} has {about['actual_length']} entries; give at {limit}"
+        case "greater_than_equal" | "less_than_equal" | "kind" | "int_from_float" | "int_parsing_size":
+            low, high = limits(field) if field else (None, None)
             if low is not None and high is not None:
                 whole = "whole " if "int" in str(field.annotation) else ""
                 return f"{name} is {got}; give a {whole}number from {short(low)} to {short(high)}"

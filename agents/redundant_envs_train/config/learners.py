@@ -1,5 +1,6 @@
 """Settings of the learners: one model for each algorithm."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from redundant_envs.support.extras import needs
@@ -7,7 +8,7 @@ from redundant_envs.support.extras import needs
 from .fields import Model, Real, Whole, number, value
 
 with needs("train"):
-    from pydantic import Field, PlainValidator
+    from pydantic import Field, PlainValidator, model_validator
     from pydantic_core import PydanticCustomError
 
 MAX_LAYERS = 8
@@ -32,7 +33,10 @@ EntropyWeight = Annotated[
 
 RATE = (1e-12, 1.0)
 SMOOTHNESS = (0, 1000, "weight of |a(s) - a(s')|^2, at a state and the next, in the actor's loss; 0: none")
-AT_GOAL = "smoothness of steps whose reward is above the mean, those that reach their goal"
+AT_GOAL = (
+    "smoothness of steps whose reward is above the mean, those that reach their goal; by default that of the "
+    "others, if it is given"
+)
 NET = "widths of the hidden layers"
 ACTIVATION = "between layers"
 
@@ -40,7 +44,7 @@ ACTIVATION = "between layers"
 class PlainPPOSettings(Model):
     """PPO as in stable-baselines3."""
 
-    n_steps: Whole = number(32, 1, 10_000, "control steps of every environment between two updates")
+    n_steps: Whole = number(32, 1, 1e6, "control steps of every environment between two updates")
     batch_size: Whole = number(1024, 2, 1e8, "samples of a minibatch; it divides num_envs * n_steps")
     n_epochs: Whole = number(2, 1, 1000, "passes over the samples of an update")
     learning_rate: Real = number(2e-3, *RATE, "Adam's, at the beginning")
@@ -76,12 +80,12 @@ class OffPolicySettings(Model):
 
     buffer_size: Whole = number(500_000, 1, 1e8, "transitions kept")
     learning_starts: Whole = number(20_000, 0, 1e9, "environment steps with random actions before learning")
-    batch_size: Whole = number(256, 1, 10_000, "samples of a gradient step")
+    batch_size: Whole = number(256, 1, 1e6, "samples of a gradient step")
     learning_rate: Real = number(1e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     schedule: Schedule = value("constant", "learning rate: constant, or linear to 0 at total_steps")
     gamma: Real = number(0.9, 0, 1, "discount per control step")
     train_freq: Whole = number(1, 1, 1e6, "control steps of every environment between gradient steps")
-    gradient_steps: Whole = number(8, 1, 1000, "critic steps after each train_freq")
+    gradient_steps: Whole = number(8, 1, 10_000, "critic steps after each train_freq")
     net_arch: Net = value((64, 64), NET)
     activation: Activation = value("silu", ACTIVATION)
 
@@ -120,7 +124,7 @@ class HERSettings(SACSettings):
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")
     smoothness: Real = number(0.05, *SMOOTHNESS)
     smoothness_at_goal: Real = number(0.6, 0, 1000, AT_GOAL)
-    gradient_steps: Whole = number(16, 1, 1000, "critic steps after each train_freq")
+    gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")
 
     n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every goal that was asked for")
     goal_selection_strategy: Literal["future", "final", "episode"] = value(
@@ -129,6 +133,14 @@ class HERSettings(SACSettings):
     error_scale: Real = number(
         0.05, 1e-6, 1e6, "distance from the goal that the networks are given as 1", "reach"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _alike(cls, given: Any) -> Any:
+        """One weight counts everywhere, as in configurations of before there were two."""
+        if isinstance(given, Mapping) and "smoothness" in given:
+            return {"smoothness_at_goal": given["smoothness"], **given}
+        return given
 
 
 class TD3Settings(OffPolicySettings):
@@ -151,6 +163,6 @@ class TQCSettings(PlainSACSettings):
 class CrossQSettings(OffPolicySettings):
     """CrossQ of sb3-contrib: batch renormalisation instead of target networks."""
 
-    batch_size: Whole = number(256, 2, 10_000, "samples of a gradient step; one alone has no variance")
+    batch_size: Whole = number(256, 2, 1e6, "samples of a gradient step; one alone has no variance")
     ent_coef: EntropyWeight = value(0.001, ENTROPY)
     policy_delay: Whole = number(3, *DELAY)

@@ -25,6 +25,8 @@ WITHOUT_EFFECT = ("checkpoint_seconds", "telemetry")  # settings that change no 
 CLIENTS = ("wandb", "mlflow")
 """Kinds of logs that leave the run folder; each one's package is in the extra of its name."""
 ENV_KWARGS = tuple(name for name in ARGUMENTS if name != "info_keys")  # evaluations read all that info has
+MAX_SAMPLES = 10**8  # most samples between two updates of PPO, which a rollout holds in memory
+MAX_DRAWN = 10**7  # most samples that are drawn at once
 VERSION = 2
 
 
@@ -55,9 +57,7 @@ class Config(Model):
     start_from_sha256: Text | None = value(
         None, "SHA-256 of that policy.zip, written by the training; if it is given, another file is refused"
     )
-    max_seconds: Real | None = number(
-        None, 1e-3, 1e9, "end earlier after so much training time; null: only by steps", "s"
-    )
+    max_seconds: Real | None = value(None, "end earlier after so much training time, s; null: only by steps")
     torch_threads: Whole = number(1, 1, 1024, "threads of PyTorch")
     curve_every: Whole = number(400_000, 1, 1e12, "environment steps from one point of the curve to the next")
     curve_episodes: Whole = number(500, 1, MAX_EPISODES, "episodes of a point of the curve")
@@ -111,18 +111,33 @@ class Config(Model):
                 f"env is {self.env}; crossq of sb3-contrib has no networks for goal environments: choose "
                 f"{', '.join(name for name in ids() if 'Goal' not in name)}"
             )
+        if self.max_seconds is not None and not self.max_seconds > 0.0:
+            raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
         if self.start_from_sha256 is not None and self.start_from is None:
             given = f"start_from_sha256 is {shown(self.start_from_sha256)}, and start_from is null"
             raise ValueError(f"{given}; give both or neither")
+        if len(set(self.telemetry)) < len(self.telemetry):
+            raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)
         settings = self.settings
         if isinstance(settings, learners.PlainPPOSettings):
             samples = self.num_envs * settings.n_steps
+            if samples > MAX_SAMPLES:
+                raise ValueError(
+                    f"{self.algo}.n_steps is {settings.n_steps}; with {self.num_envs} environments give at "
+                    f"most {MAX_SAMPLES // self.num_envs}"
+                )
             if samples % settings.batch_size:
                 raise ValueError(
                     f"{self.algo}.batch_size is {settings.batch_size}; it must divide num_envs * "
                     f"{self.algo}.n_steps = {samples}"
                 )
+        elif settings.batch_size * settings.gradient_steps > MAX_DRAWN:
+            raise ValueError(
+                f"{self.algo}.batch_size is {settings.batch_size}; with {settings.gradient_steps} gradient "
+                "steps, whose samples are drawn together, give at most "
+                f"{MAX_DRAWN // settings.gradient_steps}"
+            )
         elif self.total_steps <= settings.learning_starts:
             raise ValueError(
                 f"total_steps is {self.total_steps}; {self.algo} begins to learn after "

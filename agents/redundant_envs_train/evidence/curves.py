@@ -39,6 +39,7 @@ TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
 """Rates that are labelled, the most important first."""
 CLOSEST = 0.075  # least distance of two labels, as a fraction of the axis
 SPREAD = 3.0  # a panel's x axis is logarithmic if its longest curve is more than this many times its shortest
+ENDINGS = (".png", ".svg")
 LONG = 30  # number of characters from which on an entry of the legend needs more than a sixth of the width
 TABLE = (
     "environment", "scene", "learner", "seeds", "axis", "x",
@@ -64,7 +65,10 @@ def curves(places: Iterable[str | Path], path: str | Path) -> Path:
     a thick line is their interquartile mean, a band its 95 % interval by bootstrap, and dashed is computed
     torque on the evaluation goals.
     """
-    return draw_curves(read_groups(places), Path(path))
+    path = Path(path)
+    if path.suffix.lower() not in ENDINGS:
+        raise ValueError(f"out is {path}; end its name in {' or '.join(ENDINGS)}")
+    return draw_curves(read_groups(places), path)
 
 
 def draw_curves(groups: Sequence[Group], path: Path) -> Path:

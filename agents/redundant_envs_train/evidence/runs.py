@@ -132,9 +132,12 @@ def group(runs: Iterable[Run]) -> list[Group]:
 
 
 def _same_results(a: Run, b: Run) -> bool:
-    facts = [{k: v for k, v in run.evaluation.items() if k not in CIRCUMSTANCES} for run in (a, b)]
+    """Whether runs agree in all that both tell: folders of older versions have less."""
+    told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES
+    pairs = [(a.evaluation[name], b.evaluation[name]) for name in told]
+    agree = all(one == other or None in (one, other) or {} in (one, other) for one, other in pairs)
     kept = [i for i, name in enumerate(run_folder.SELECTION) if name != "seconds"]
-    return facts[0] == facts[1] and np.array_equal(a.curve[:, kept], b.curve[:, kept], equal_nan=True)
+    return agree and np.array_equal(a.curve[:, kept], b.curve[:, kept], equal_nan=True)
 
 
 def _environment(run: Run) -> str:
