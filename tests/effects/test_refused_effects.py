@@ -130,6 +130,9 @@ SCENES = {
     "two gravities": (
         FOUR_R, (e.Gravity(), e.Gravity(1.62)), "effects[1] is a second 'gravity'; combine the two",
     ),
+    "one effect": (
+        RPRP, e.Gravity(), "effects is the effect Gravity(", "give a sequence, effects=(Gravity(",
+    ),
     "a word": (RPRP, ("gravity",), "effects[0] is 'gravity'"),
     "no hooks": (
         RPRP, (e.Effect(),), "does not say where it attaches; write a method hooks(self, arm)",
@@ -176,14 +179,17 @@ NUMBERS = [
     (lambda: e.Tendon(("r1", "r1"), (1.0, 1.0), 1.0), "each once"),
     (lambda: e.Tendon(("r1", "r2"), (1.0, 1.0, 1.0), 1.0), "Tendon.moment_arms has 3 entries; give 2"),
     (lambda: e.PickUp(1.0, 0.0), "PickUp.at is 0.0; it must be positive"),
-    (lambda: e.LuGre(1e5, 0.0, 0.4, 1.0, 0.5, 0.01), "LuGre.stiction is 0.5 at joint 1, coulomb 1.0"),
+    (
+        lambda: e.LuGre(1e5, 0.0, 0.4, 1.0, 0.5, 0.01),
+        "LuGre.stiction is 0.5 and LuGre.coulomb 1.0 at joint 1",
+    ),
     (lambda: e.CommandDelay(0.2, 0.1), "seconds is 0.2 s; ", "is 0.1 s: give a shorter"),
     (lambda: e.SensorBias(), "SensorBias has neither position nor rate", "give one of them"),
     (lambda: e.TipForce(), "TipForce has no part; give one or several of step, amplitude, density"),
     (lambda: e.JointTorque(amplitude=1.0), "amplitude is given without frequency; give"),
     (lambda: e.TipForce(density=1.0, phase=1.0), "phase is 1.0 without amplitude; give ampl"),
     (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m: the disc covers the base", "smaller one"),
-    (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is ", "covers the base", "opposite normal"),
+    (lambda: e.HalfPlane((0.0, 0.1)), "(0.0, 0.1) m with the normal (0.0, 1.0)", "another point"),
     (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is ", "no direction"),
 ]
 LANES = {
