@@ -17,6 +17,7 @@ from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.effects.shapes import shapes_of
 from redundant_envs.language.algebra import physics
 
 NAN = math.nan
@@ -215,6 +216,12 @@ def set_in_lanes(name):
     lanes().set_parameters({name: LANES[name][0]})
 
 
+@dataclass(frozen=True)
+class Drawn(e.Effect):
+    def shapes(self, pose):
+        return ("disc",)
+
+
 REFUSED = {
     "tanh of math": (lambda: with_force(physics(tanh_of_math)), AT, "tanh_of_math (", "effects.py:", TANH),
     "a branch in a helper": (
@@ -222,6 +229,10 @@ REFUSED = {
         "where(condition, a, b)", "instead of if", LINE,
     ),
     **{f"hook: {n}": (lambda h=h: attached(*h), *words) for n, (h, *words) in HOOKS.items()},
+    "shapes that are none": (
+        lambda: shapes_of([(Drawn(), {})], FOUR_R, np.zeros(4), {}), "Drawn.shapes gives 'disc'; give shapes",
+        "redundant_envs.effects.shapes.Circle((x, y), radius)",
+    ),
     "one hook": (lambda: attached(hooks=lambda s, arm: e.Force(1, spring, X)), "hooks gives", "tuple"),
     **{f"key {key!r}": (lambda key=key: attached(key=key), "has the key") for key in KEYS},
     **{f"scene: {n}": (lambda a=arm, x=x: rde.Scene(a, x), *w) for n, (arm, x, *w) in SCENES.items()},

@@ -279,7 +279,7 @@ SPRING = HummingStop(1, 0.1, 0.2, 2e3, 30.0)
         (added(TURNED), {"masses": [2.0, 1.5, 1.0, 5e-7]}, r"mine.number is 0.1; give 0 to 0.045 kg m\^2"),
         (added(LIGHTER, -1.0), {"mine.number": [-1.0, -2.0]}, "m2 with mine.number has the entry -0.5"),
         (shares(), {"mine.a": [0.4, 4.0], "mine.b": [0.6, 6.0]}, "mine.a is 4.0.* Mine makes 0.4 of it"),
-        (DERIVED, {"mine.a": 2.0}, "mine.b is 0.1.* Mine makes 0.2 of it"),
+        (DERIVED, {"mine.a": 2.0}, "mine.b is 0.1.* Mine makes 0.2 of it; give numbers that it keeps"),
     ],
 )
 def test_numbers_of_a_lane_that_contradict_each_other(effect, change, said):
