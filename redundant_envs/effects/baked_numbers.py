@@ -9,6 +9,7 @@ import dataclasses
 import functools
 import itertools
 import math
+import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -24,6 +25,7 @@ Described = dict[str, str]
 """What is made from numbers: its name -> a text, equal if it is the same, whose first line is shown."""
 STEADY = 8  # how often something is made again before a difference is put down to a number
 FEW = 3  # with fewer other values accepted among those of all numbers, a number is changed alone
+THRESHOLDS = 8  # most numbers with which one number is compared that are tried
 
 
 class Place(NamedTuple):
@@ -70,9 +72,12 @@ class _Maker:
         for values in (*trials, *_far_apart(self.values)):
             for place in self.tried(values):
                 accepted[place] += 1
+        watched = {place: _Watched(value) for place, value in self.values.items()}
+        self.made(self.changed(watched, checked=False))
         for place, value in self.values.items():
-            for other in others[place]:
-                if accepted[place] < FEW:
+            near = _across([*dict.fromkeys(watched[place].seen)][:THRESHOLDS], value)
+            for other in (*near, *others[place]):
+                if accepted[place] < FEW or other in near:
                     accepted[place] += len(self.tried({place: other}))
             if accepted[place] == 0:
                 # no other value is allowed, or none was guessed: the checks of its class are left out
@@ -152,6 +157,29 @@ def _accepted(thing: Any, **fields: Any) -> Any:
         return None
 
 
+class _Watched(float):
+    """A float that notes what it is compared with."""
+
+    def __init__(self, _: float) -> None:
+        self.seen: list[float] = []
+
+    @staticmethod
+    def noting(compare: Callable[[Any, Any], Any]) -> Any:
+        def noted(self: "_Watched", other: Any) -> Any:
+            if isinstance(other, int | float):
+                self.seen.append(float(other))
+            return compare(float(self), other)
+
+        return noted
+
+    __lt__, __le__, __gt__ = noting(operator.lt), noting(operator.le), noting(operator.gt)
+    __ge__, __eq__, __ne__ = noting(operator.ge), noting(operator.eq), noting(operator.ne)
+    __hash__ = float.__hash__
+
+    def __bool__(self) -> bool:
+        return bool(self != 0.0)
+
+
 def _numbers(things: Sequence[Any]) -> Iterator[tuple[Place, Any]]:
     for o, thing in enumerate(things):
         for f in dataclasses.fields(thing):
@@ -182,6 +210,14 @@ def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
     for bit, up in itertools.product(range((len(own) - 1).bit_length()), (0, 1)):
         factors = (1e3 if (n >> bit) & 1 == up else 1e-3 for n in range(len(own)))
         yield {p: f * (numbers[p] or 1.0) for p, f in zip(own, factors, strict=True)}
+
+
+def _across(seen: Sequence[float], value: float) -> list[float]:
+    """Numbers at those with which a number is compared, on either side of each, and between them."""
+    found = [math.nextafter(c, to) for c in seen for to in (-math.inf, c, math.inf)]
+    found += [2.0 * c - value for c in seen]
+    found += [0.5 * (a + b) for a, b in itertools.pairwise(sorted(seen))]
+    return [x for x in found if math.isfinite(x)]
 
 
 def check_effect(where: str, effect: Effect, arm: Arm) -> None:

@@ -66,7 +66,10 @@ class HalfPlane(Effect):
         if math.hypot(*self.normal) < SMALLEST:
             raise ValueError(f"HalfPlane.normal is {self.normal}, no direction; give one such as (0, 1)")
         if self.point[0] * self.normal[0] + self.point[1] * self.normal[1] > 0.0:
-            raise ValueError(f"HalfPlane.point is {self.point}: it covers the base; give the opposite normal")
+            raise ValueError(
+                f"HalfPlane.point is {self.point} m with the normal {self.normal}: it covers the base, "
+                "(0, 0); give another point, or the opposite normal"
+            )
 
     @property
     def key(self) -> str:

@@ -380,7 +380,8 @@ class Effect:
     the effect's own numbers or states as ".field" or ".field[k]". An argument that is not mapped takes the
     own number or state of its name, with the index of the state or of the hook's joint, and for ``name_x``
     and ``name_y`` those of ``name``; ``position``, ``rate`` or ``command`` of the joint; ``x``, ``y``, ``vx``
-    or ``vy`` of the point; the ``reading`` that reaches the sensor; or the quantity of its name.
+    or ``vy`` of the point; the ``reading`` that reaches the sensor; or the quantity of its name. A name that
+    is both an own one and that of a quantity has to be mapped.
     ``control_dt`` is the control interval of the scene [s], also while a simulator advances by less.
 
     Numbers whose default is None are absent unless they are given: a lane has no memory for them, and none of

@@ -82,7 +82,10 @@ class LuGre(Effect):
         rows = (x if isinstance(x, tuple) else (x,) * most for x in levels)
         for k, (low, high) in enumerate(zip(*rows, strict=False)):  # a scene refuses other counts
             if high < low:
-                raise ValueError(f"LuGre.stiction is {high} at joint {k + 1}, coulomb {low}; give as much")
+                raise ValueError(
+                    f"LuGre.stiction is {high} and LuGre.coulomb {low} at joint {k + 1}; give a "
+                    "stiction of at least the Coulomb level"
+                )
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

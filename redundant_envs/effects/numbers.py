@@ -32,9 +32,8 @@ class Declared:
 
     form: Check  # brings a value into its form, such as a single number, before its check
     check: Check  # of the value, or of all values of several
-    units: tuple[
-        str, ...
-    ]  # one, if it is known; or two, at a revolute and a prismatic joint, or of both axes
+    # One unit, if it is known; or two, at a revolute and a prismatic joint, or of both axes.
+    units: tuple[str, ...]
     of_joints: bool = False  # whether there is one for each joint; a single number serves all of them
 
     def checked(self, field: str, value: Any) -> Any:

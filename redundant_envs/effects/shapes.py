@@ -110,7 +110,10 @@ def shapes_of(
         given = with_fields(effect, **changed).shapes(Pose(arm, q, own))
         for shape in (given,) if isinstance(given, Shape) or not isinstance(given, Iterable) else given:
             if not isinstance(shape, Shape):
-                raise ValueError(f"{type(effect).__name__}.shapes gives {shown(shape)}; give Circle(...) ...")
+                raise ValueError(
+                    f"{type(effect).__name__}.shapes gives {shown(shape)}; give shapes such as "
+                    "redundant_envs.effects.shapes.Circle((x, y), radius)"
+                )
             found.append(shape)
     return found
 

@@ -197,7 +197,7 @@ class _Known:
     """What the hooks of an effect on an arm may name."""
 
     def __init__(self, effect: Effect, arm: Arm, every: Iterable[Hook]) -> None:
-        self.arm = arm
+        self.arm, self.is_shipped = arm, dialect.is_own(type(effect))
         self.has_instant = any(isinstance(hook, hooks.Instant) for hook in every)
         self.own: dict[str, State | None] = dict.fromkeys(effect.parameters())
         """Own numbers of the effect, and its states."""
@@ -300,6 +300,11 @@ class _Known:
                 raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
             if source.startswith("."):
                 self._check_name(where, source, self.own)
+                if argument not in part.bind and self._is_quantity(argument, field, part, hook):
+                    raise ValueError(
+                        f"{where}: the effect has a number of this name, and there is a quantity of the same "
+                        f"name; bind it to {source!r} or {argument!r}"
+                    )
                 yield source, {source} if self.own[source[1:]] else set()
             elif DRAW.fullmatch(source):
                 if not isinstance(part, State) or field not in TAKING_DRAWS:
@@ -322,6 +327,25 @@ class _Known:
                         "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, "
                         "tip_vx, s1, c1, m1, l1, or bind a number of the effect by '.name'"
                     ) from None
+
+    def _is_quantity(self, name: str, field: str, part: Any, hook: Hook) -> bool:
+        """Whether a function could take a quantity that the effect does not have by this name. Effects of the
+        package mean their own numbers, whatever the equations of a user's arm give."""
+        if self.is_shipped:
+            return False
+        of_hook = {
+            hooks.CONTROL_DT: True, hooks.ELAPSED: field == "closed", hooks.PASSED: self.has_instant,
+            hooks.SPEED: isinstance(part, hooks.Friction),
+        }  # fmt: skip
+        if name in of_hook:
+            return of_hook[name]
+        if DRAW.fullmatch(name):
+            return isinstance(part, State) and field in TAKING_DRAWS
+        try:
+            _ = self._roots_of_side(name, field, hook) or roots_of(name, self.arm)
+        except ValueError:
+            return False
+        return True
 
     def _roots_of_side(self, source: str, field: str, hook: Any) -> Set[str]:
         """What a side depends on, which says which law of a hook holds; nothing if a quantity is no side."""

@@ -14,15 +14,16 @@ from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Effect, Force, Friction, Inertia, PointMass
 from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
-from redundant_envs.exports.links import RigidLink, links_of
+from redundant_envs.exports.links import RigidLink, coordinates_at, links_of
 from redundant_envs.language.algebra import arguments_of
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.derived import coordinate_rates
+from redundant_envs.robots.derived import coordinate_rates, joint_rates
 from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 MAX_CHANGED = 1e-10  # share by which the least inertias may change accelerations
+POSES, SHARE_OF_POSES = 256, 0.9  # of an arm without bounds, and in how many of them this has to hold
 THICKNESS = 0.03  # of drawn links, as a share of the reach
 FREE = 1e9  # stands for no limit where a number is required: other end of a travel with one end, m or rad
 REASONS: dict[type, str] = {
@@ -186,13 +187,26 @@ def _sums(scene: Scene, forces: Mapping[Attached[Force], Linear]) -> Array:
 
 
 def _changed(scene: Scene, least: float) -> float:
-    """By which share the least inertia of a body may change accelerations."""
+    """By which share the least inertia of a body may change accelerations; in most poses, of an arm whose
+    bounds for all of them are not known."""
     arm = scene.loaded_robot
     if arm.mobility_bounds is None:
-        return 0.0
+        return least * _usual_mobility(scene)
     values = arm.parameter_values()
     taken = (values[name] for name in arguments_of(arm.mobility_bounds))
     return least * float(np.max(arm.mobility_bounds(*taken)))
+
+
+def _usual_mobility(scene: Scene) -> float:
+    """The largest mobility of a joint in most poses, from samples."""
+    arm, travel, numbers = scene.loaded_robot, scene.travel(), scene.parameters()
+    low, high = np.full((2, len(arm.joints)), [[-np.pi], [np.pi]])
+    for k in arm.sliders():
+        low[k], high[k] = (numbers[name] for name in travel[k]) if k in travel else (0.1, 1.0)
+    phi = np.random.default_rng(1).uniform(low, high, (POSES, len(low)))
+    rates = joint_rates(arm)
+    mobilities = rates @ np.linalg.pinv(arm.mass_matrix(coordinates_at(arm, phi))) @ rates.T
+    return float(np.quantile(np.einsum("nkk -> nk", mobilities).max(axis=1), SHARE_OF_POSES))
 
 
 def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:

@@ -137,7 +137,8 @@ def simulate(
     starts = {name: numbers(name, given) for name, given in (("q", q), ("qd", qd))}
     for name, start in starts.items():
         if start.shape[-1:] != (joints,) or not np.isfinite(start).all():
-            raise ValueError(f"{name} is {shown(start)}; give finite numbers, {joints} along the last axis")
+            given = f"{shown(start)} of shape {start.shape}"
+            raise ValueError(f"{name} is {given}; give finite numbers, {joints} along the last axis")
     q0, qd0 = np.broadcast_arrays(*starts.values())
     shape, count = q0.shape[:-1], q0.size // joints
     if not count:

@@ -109,7 +109,8 @@ def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
     for name, value in numbers.items():
         if not math.isclose(kept.get(name, math.nan), value, rel_tol=ROUNDING):
             raise ValueError(
-                f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give it"
+                f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give "
+                "numbers that it keeps, all of them that depend on each other"
             )
 
 

@@ -136,6 +136,9 @@ class Scene:
 
     def _fitted_effects(self) -> tuple[Effect, ...]:
         """The effects with a number for each joint of this arm; ValueError if they cannot act on it."""
+        if isinstance(self.effects, Effect):
+            one = shown(self.effects)
+            raise ValueError(f"effects is the effect {one}; give a sequence, effects=({one},)")
         if isinstance(self.effects, str | bytes | Mapping) or not isinstance(self.effects, Iterable):
             what = shown(self.effects)
             raise ValueError(f"effects is {what}; give a sequence of effects, such as effects=(Gravity(),)")
@@ -173,7 +176,9 @@ class Scene:
                 f"tolerance is {tolerance} m; give {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g} m"
             )
         if self.integrator != "rk8" or self.substeps != 1:
-            raise ValueError(f"tolerance is {tolerance} m; give it with integrator 'rk8' and 1 substep alone")
+            given = f"integrator {self.integrator!r} and substeps {self.substeps}"
+            fix = "give it with integrator 'rk8' and 1 substep alone"
+            raise ValueError(f"tolerance is {tolerance} m with {given}; {fix}")
         return tolerance
 
     def parameters(self) -> dict[str, float]:

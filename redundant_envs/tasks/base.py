@@ -164,7 +164,8 @@ class Task:
         for k in scene.robot.sliders():
             if k not in travel:
                 raise ValueError(
-                    f"it needs limited travel of {scene.robot.joints[k]!r}; add a PrismaticStop of both ends"
+                    f"the {self.name.lower()} task needs limited travel of {scene.robot.joints[k]!r}; add a "
+                    "PrismaticStop with both ends or a LimitSpring for it to the scene's effects"
                 )
             names[f"low{k + 1}"], names[f"high{k + 1}"] = travel[k]
         return names

@@ -17,6 +17,7 @@ from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
+from redundant_envs.effects.shapes import shapes_of
 from redundant_envs.language.algebra import physics
 
 NAN = math.nan
@@ -130,6 +131,9 @@ SCENES = {
     "two gravities": (
         FOUR_R, (e.Gravity(), e.Gravity(1.62)), "effects[1] is a second 'gravity'; combine the two",
     ),
+    "one effect": (
+        RPRP, e.Gravity(), "effects is the effect Gravity(", "give a sequence, effects=(Gravity(",
+    ),
     "a word": (RPRP, ("gravity",), "effects[0] is 'gravity'"),
     "no hooks": (
         RPRP, (e.Effect(),), "does not say where it attaches; write a method hooks(self, arm)",
@@ -176,14 +180,17 @@ NUMBERS = [
     (lambda: e.Tendon(("r1", "r1"), (1.0, 1.0), 1.0), "each once"),
     (lambda: e.Tendon(("r1", "r2"), (1.0, 1.0, 1.0), 1.0), "Tendon.moment_arms has 3 entries; give 2"),
     (lambda: e.PickUp(1.0, 0.0), "PickUp.at is 0.0; it must be positive"),
-    (lambda: e.LuGre(1e5, 0.0, 0.4, 1.0, 0.5, 0.01), "LuGre.stiction is 0.5 at joint 1, coulomb 1.0"),
+    (
+        lambda: e.LuGre(1e5, 0.0, 0.4, 1.0, 0.5, 0.01),
+        "LuGre.stiction is 0.5 and LuGre.coulomb 1.0 at joint 1",
+    ),
     (lambda: e.CommandDelay(0.2, 0.1), "seconds is 0.2 s; ", "is 0.1 s: give a shorter"),
     (lambda: e.SensorBias(), "SensorBias has neither position nor rate", "give one of them"),
     (lambda: e.TipForce(), "TipForce has no part; give one or several of step, amplitude, density"),
     (lambda: e.JointTorque(amplitude=1.0), "amplitude is given without frequency; give"),
     (lambda: e.TipForce(density=1.0, phase=1.0), "phase is 1.0 without amplitude; give ampl"),
     (lambda: e.Disc((0.1, 0.0), 0.2), "Disc.radius is 0.2 m: the disc covers the base", "smaller one"),
-    (lambda: e.HalfPlane((0.0, 0.1)), "HalfPlane.point is ", "covers the base", "opposite normal"),
+    (lambda: e.HalfPlane((0.0, 0.1)), "(0.0, 0.1) m with the normal (0.0, 1.0)", "another point"),
     (lambda: e.HalfPlane((0.0, -0.1), (0.0, 0.0)), "HalfPlane.normal is ", "no direction"),
 ]
 LANES = {
@@ -209,6 +216,12 @@ def set_in_lanes(name):
     lanes().set_parameters({name: LANES[name][0]})
 
 
+@dataclass(frozen=True)
+class Drawn(e.Effect):
+    def shapes(self, pose):
+        return ("disc",)
+
+
 REFUSED = {
     "tanh of math": (lambda: with_force(physics(tanh_of_math)), AT, "tanh_of_math (", "effects.py:", TANH),
     "a branch in a helper": (
@@ -216,6 +229,10 @@ REFUSED = {
         "where(condition, a, b)", "instead of if", LINE,
     ),
     **{f"hook: {n}": (lambda h=h: attached(*h), *words) for n, (h, *words) in HOOKS.items()},
+    "shapes that are none": (
+        lambda: shapes_of([(Drawn(), {})], FOUR_R, np.zeros(4), {}), "Drawn.shapes gives 'disc'; give shapes",
+        "redundant_envs.effects.shapes.Circle((x, y), radius)",
+    ),
     "one hook": (lambda: attached(hooks=lambda s, arm: e.Force(1, spring, X)), "hooks gives", "tuple"),
     **{f"key {key!r}": (lambda key=key: attached(key=key), "has the key") for key in KEYS},
     **{f"scene: {n}": (lambda a=arm, x=x: rde.Scene(a, x), *w) for n, (arm, x, *w) in SCENES.items()},

@@ -1,6 +1,8 @@
 """MJCF and URDF: MuJoCo finds our accelerations; what it cannot express is refused by name."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from refusals import refusal
 import redundant_envs as rde
 from redundant_envs.effects.hooks import Effect, Force
 from redundant_envs.exports.files import document, write
-from redundant_envs.language.algebra import physics, where
+from redundant_envs.language.algebra import maximum, minimum, physics, where
 from redundant_envs.scenes.scene import scene_names
 
 pytestmark = NEEDS_MUJOCO
@@ -67,36 +69,49 @@ def dead_beyond(position, middle, compliance):
 
 
 @physics
+def jumping(position, middle, compliance):
+    return (middle - position) / compliance + where(position > 0.3, 1.0, 0.0)
+
+
+@physics
+def beyond_band(position, middle, compliance):
+    return -(maximum(position - middle, 1e3) + minimum(position - middle, -1e3)) / compliance
+
+
+@physics
+def of_sizes(position, middle, compliance):
+    return -(abs(position + 1e3) - abs(position - 1e3)) / compliance - 0.0 * middle
+
+
+@physics
 def push(middle):
     return middle
 
 
 @dataclasses.dataclass(frozen=True)
 class Law(Effect):
-    """A law of a user's on the first joint: a spring, one whose force ends far beyond any travel, a push."""
+    """A law of a user's on the first joint, of its position or a push."""
 
-    law: int
+    law: Callable[..., Any]
     middle: float = 0.3
     compliance: float = 0.05
 
     static = ("law",)
 
     def hooks(self, arm):
-        bind = {"position": "phi1", "middle": ".middle", "compliance": ".compliance"}
-        if self.law == 2:
-            return (Force(0, push, {"middle": ".middle"}),)
-        return (Force(0, (towards, dead_beyond)[self.law], bind),)
+        return (Force(0, self.law),)
 
 
 def test_a_linear_force_of_a_users_effect_maps_exactly_and_another_one_is_refused():
-    scene = rde.Scene(F_ARM, (GRAVITY, Law(0)))
+    scene = rde.Scene(F_ARM, (GRAVITY, Law(towards)))
     assert largest_difference(scene, model_of(scene, "mjcf"), True) < 1e-10
-    for form, effect, words in (
-        ("mjcf", Law(1), "Law (its force is not linear"),
-        ("mjcf", Law(2), "Law (it is a constant force)"),
-        ("urdf", Law(0), "Law (URDF has no springs)"),
+    bent = dead_beyond, jumping, beyond_band, of_sizes
+    for form, law, words in (
+        *(("mjcf", law, "Law (its force is not linear") for law in bent),
+        ("mjcf", push, "Law (it is a constant force)"),
+        ("urdf", towards, "Law (URDF has no springs)"),
     ):
-        assert words in refusal(document, rde.Scene(F_ARM, (GRAVITY, effect)), form)
+        assert words in refusal(document, rde.Scene(F_ARM, (GRAVITY, Law(law))), form)
 
 
 EXACT = {"Gravity", "ViscousFriction", "EffortLimits", "CentringSpring", "Payload", "LinkInertia", "Armature"}
@@ -177,11 +192,16 @@ def test_a_link_that_carries_several_masses_has_their_inertia(form):
 
 
 def test_arms_with_other_equations_than_their_links_are_refused():
-    two = (1.0, 1.0), (0.5, 0.4)
+    two, light = ((1.0, 1.0), (0.5, 0.4)), ((1e-5,) * 4, (0.01,) * 4)
+    unbounded, sliding = (type("Own", (kind,), {"mobility_bounds": None}) for kind in (rde.FourR, rde.RPRP))
+    assert unbounded.mobility_bounds is sliding.mobility_bounds is None
+    assert refusal(document, rde.Scene(sliding((1.0,) * 4, (0.5, 0.4))), "mjcf") is None
     for arm, words in (
         (an_arm("Geared", "RP", geared)(*two), "its slider r1 moves a mass by 2 m for each metre"),
         (an_arm("Pulled", "RR", pulled)(*two), "robot is a Pulled, which cannot be written as rigid links: "),
-        (rde.FourR((1e-5,) * 4, (0.01,) * 4), "the small masses of FourR (a body has 2e-15 kg m^2 there"),
+        (unbounded(*light), "the small masses of FourR (a body has 2e-15 kg m^2 there"),
+        (sliding((1e-6,) * 4, (0.01,) * 2), "the small masses of RPRP (a body has 2e-15 kg m^2 there"),
+        (rde.FourR(*light), "the small masses of FourR (a body has 2e-15 kg m^2 there"),
     ):
         assert words in refusal(document, rde.Scene(arm), "mjcf")
 

@@ -171,7 +171,7 @@ def test_the_bill_is_what_a_hand_counts_and_grows_with_the_stages(integrator):
 def test_scenes_that_are_no_environments_have_no_entries_of_one(limits):
     loose = scene(RPRP, limits)
     assert set(rde.bill(loose)) == OF_ANY_MOTION | {x.key for x in limits}
-    with pytest.raises(ValueError, match="needs limited travel of 'r1'"):
+    with pytest.raises(ValueError, match="the reach task needs limited travel of 'r1'"):
         rde.bill(loose, task=rde.ReachTask())
     still = rde.bill(scene(FOUR_R, limits))
     assert ("action" in still) == bool(limits)

@@ -96,7 +96,7 @@ BAD = {
        for t in ([-0.1, 0.1], [0.1, 0.1], [0.2, 0.1], [np.nan], [1e308], [[0.1, 0.2]])},
     "no number": ((0, np.nan, 0, 0), QD0, [0.1], None, "q is .*; give finite"),
     "no effort": (Q0, QD0, [0.1], (np.inf, 0, 0, 0), "efforts.* has non-finite"),
-    "short": (Z(3), Z(3), [0.1], None, "q is .*4 along"),
+    "short": (Z(3), Z(3), [0.1], None, r"q is .* of shape \(3,\); .*4 along"),
     "two and three": (Z((2, 4)), Z((3, 4)), [0.1], None, "broadcast"),
     "none": (Z((0, 4)), Z((0, 4)), [0.1], None, r"q and qd have the shape \(0, 4\).*at least one"),
     "short efforts": (Q0, QD0, [0.1], Z(3), r"efforts has shape \(3,\)"),

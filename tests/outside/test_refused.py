@@ -85,12 +85,18 @@ of_side = physics(lambda side: 0.0 * side)
 of_command = physics(lambda command1: 1.0 * command1)
 of_angle = physics(lambda phi1: phi1)
 of_rate = physics(lambda phid1: phid1)
+of_mass = physics(lambda m1: 0.0 * m1)
 once_passed = physics(lambda phi1, passed: -phi1 * passed)
 approached = physics(lambda phi1, phid1, elapsed: phi1 + phid1 * elapsed)
 
 
 def bound(self, arm):
     return (Force(0, drag, {"rate": "phid1", "a": ".a", "b": ".b"}),)
+
+
+def branching(above):
+    """An effect that asks for its number in Python."""
+    return effect_of(numbers=AB, hooks=lambda self, arm: bound(self, arm) * (2 if above(self) else 1))
 
 
 def effect_of(*hooks, decorated=True, numbers=None, **body):
@@ -180,6 +186,9 @@ BELOW = "give the lower first"
     [
         # numbers
         (effect_of(numbers={"a": float("nan")}), "a is nan"),
+        (branching(lambda self: self.a / self.b > 100.0), "does not follow its number a"),
+        (branching(lambda self: 8.1 < self.a < 8.9), "does not follow its number a"),
+        (branching(lambda self: self.a == 37.5), "does not follow its number a"),
         (effect_of(numbers=AB, decorated=False, hooks=bound), r"Mine has a, b .* @dataclass\(frozen=True\)"),
         (effect_of(numbers={"k": (0.1,) * 5}, hooks=rotors), r"has 5 entries; unused: k\[4\]"),
         (effect_of(numbers={"n": field(init=False, default=2.0)}), r"Mine\).n is not an argument of its"),
@@ -194,6 +203,15 @@ BELOW = "give the lower first"
         (effect_of(Force(1, of_side, switch=(".a", ".b"))), r"switch: '\.a' is not a number of this effect"),
         (effect_of(Force(1, of_side)), "argument 'side': no quantity of RPRP is called 'side'"),
         (HummingStop(1, 0.3, 0.1, 2e3, 30.0), BELOW),
+        # names that the effect and the arm have
+        (
+            effect_of(Force(0, of_mass), numbers={"m1": 3.0}),
+            r"'m1': the effect has .*bind it to '\.m1' or 'm1'",
+        ),
+        (
+            effect_of(Force(0, nothing, states=(State("phi1", "", of_rate),))),
+            r"argument 'phi1': .*bind it to '\.phi1' or 'phi1'",
+        ),
         # laws that change
         (effect_of(Actuation(0, of_command, by_side=of_side)), "it has by_side without guard"),
         (
@@ -233,6 +251,21 @@ def test_an_effect_that_contradicts_itself(effects, said):
     refused(said, rde.Scene, RPRP, effects if isinstance(effects, tuple) else (effects,))
 
 
+def test_a_number_with_a_name_that_means_something_in_other_functions_needs_no_bind():
+    force = Force(0, physics(lambda speed, elapsed, uniform1: -speed * elapsed * uniform1))
+    rde.Scene(RPRP, (effect_of(force, numbers={"speed": 1.0, "elapsed": 1.0, "uniform1": 0.5}),))
+    own = e.Friction(0, physics(lambda speed: 1.0 + speed))
+    refused("'speed': the effect has", rde.Scene, RPRP, (effect_of(own, numbers={"speed": 1.0}),))
+
+
+@pytest.mark.parametrize("source", [".m1", "m1"])
+def test_a_name_of_the_effect_and_of_the_arm_is_allowed_where_it_is_bound(source):
+    (attached,) = rde.Scene(
+        RPRP, (effect_of(Force(0, of_mass, {"m1": source}), numbers={"m1": 3.0}),)
+    ).attached
+    assert attached.functions["function"].names == ({".m1": "mine.m1"}.get(source, source),)
+
+
 SPRING = HummingStop(1, 0.1, 0.2, 2e3, 30.0)
 
 
@@ -246,7 +279,7 @@ SPRING = HummingStop(1, 0.1, 0.2, 2e3, 30.0)
         (added(TURNED), {"masses": [2.0, 1.5, 1.0, 5e-7]}, r"mine.number is 0.1; give 0 to 0.045 kg m\^2"),
         (added(LIGHTER, -1.0), {"mine.number": [-1.0, -2.0]}, "m2 with mine.number has the entry -0.5"),
         (shares(), {"mine.a": [0.4, 4.0], "mine.b": [0.6, 6.0]}, "mine.a is 4.0.* Mine makes 0.4 of it"),
-        (DERIVED, {"mine.a": 2.0}, "mine.b is 0.1.* Mine makes 0.2 of it"),
+        (DERIVED, {"mine.a": 2.0}, "mine.b is 0.1.* Mine makes 0.2 of it; give numbers that it keeps"),
     ],
 )
 def test_numbers_of_a_lane_that_contradict_each_other(effect, change, said):
