@@ -11,7 +11,8 @@ import pytest
 
 from redundant_envs.exports import files
 from redundant_envs.scenes.scene import load_scene
-from redundant_envs.support.disk import DiskFull, alone, write_text
+from redundant_envs.support import disk
+from redundant_envs.support.disk import DiskFull, alone, replacing, write_text
 from redundant_envs.support.figures import new_figure, save_figure, write_clip
 from redundant_envs.support.tables import write_rows
 
@@ -67,6 +68,20 @@ def test_nothing_is_written_through_a_link(tmp_path):
     write_text(tmp_path / "new.txt", "new")  # the names of its parts cannot be guessed
     assert (tmp_path / "file").read_text() == "old"
     assert {path.name for path in tmp_path.iterdir()} == {"file", "new.txt", *names}
+
+
+def test_errors_of_libraries_on_a_full_disk_are_told_and_others_left_alone(tmp_path, monkeypatch):
+    def fail():
+        with replacing(tmp_path / "a.mp4") as part:
+            part.write_bytes(b"begun")
+            raise OSError("broken pipe")
+
+    with pytest.raises(OSError, match="broken pipe"):
+        fail()
+    monkeypatch.setattr(disk, "free_bytes", lambda path: 100)
+    with pytest.raises(DiskFull, match=r"a\.mp4"):
+        fail()
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows locks no folders")

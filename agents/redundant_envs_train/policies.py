@@ -2,14 +2,17 @@
 a stranger, are not read: the policy is built from config.yaml, and only its tensors are taken from the
 file."""
 
+import base64
 import io
 import itertools
 import json
 import pickletools
 import zipfile
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.support.bounded import MAX_JSON, MAX_PACKED, opened, read_members
@@ -23,9 +26,11 @@ from .learners.networks import ACTIVATIONS
 from .run_folder import SCENE, own_config, policy_file
 
 with needs("train"):
+    import cloudpickle
     import torch
     from gymnasium import spaces
 
+PICKLED = ":serialized:"  # key of an object of policy.zip in stable-baselines3's JSON
 MAX_OBJECTS = 1 << 20
 """Bytes of a table of tensors, which may become sixty times as many in memory; policies have ten thousand."""
 TENSOR_NAMES = {
@@ -56,14 +61,55 @@ def save_policy(model: Any, path: Path) -> None:
     own = vars(model)
     changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
     changed |= {k: value for k, value in LEFT_OUT.items() if k in own}
-    kept, memory = {k: own[k] for k in changed}, io.BytesIO()
+    kept = {k: own[k] for k in changed}
     own.update(changed)
     try:
         with model.averaged():
-            model.save(memory, exclude=("lr_schedule",))
+            data = saved(model, exclude=("lr_schedule",))
     finally:
         own.update(kept)
-    write_bytes(path, memory.getvalue())
+    write_bytes(path, data)
+
+
+def saved(model: Any, exclude: Sequence[str] = ()) -> bytes:
+    """The policy.zip of a learner, for all versions of NumPy that stable-baselines3 runs with."""
+    memory = io.BytesIO()
+    model.save(memory, exclude=exclude)
+    return portable(memory.getvalue(), vars(model))
+
+
+def portable(data: bytes, own: Mapping[str, Any]) -> bytes:
+    """The bytes of a policy.zip whose objects, here by name, are pickled as NumPy 1 and 2 read them: NumPy
+    pickles its arrays by the names of its inner modules, which NumPy 2 has moved."""
+    memory = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(memory, "w") as new:
+        for entry in old.infolist():
+            content = old.read(entry)
+            if entry.filename == "data":
+                about = json.loads(content)
+                for name, value in about.items():
+                    text = value.get(PICKLED) if isinstance(value, dict) else None
+                    if text is not None and b"numpy" in base64.b64decode(text):
+                        pickled = io.BytesIO()
+                        _PublicNames(pickled).dump(own[name])
+                        value[PICKLED] = base64.b64encode(pickled.getvalue()).decode()
+                content = json.dumps(about, indent=4).encode()
+            new.writestr(entry, content)
+    return memory.getvalue()
+
+
+class _PublicNames(cloudpickle.Pickler):
+    """A pickler that names nothing of NumPy but ``numpy.array`` and ``numpy.dtype``."""
+
+    def reducer_override(self, obj: Any) -> Any:
+        """How an object is made again; numbers become those of Python, and generators None."""
+        if isinstance(obj, np.ndarray):
+            return np.array, (obj.tolist(), obj.dtype.str)
+        if isinstance(obj, np.generic):
+            return type(obj.item()), (obj.item(),)
+        if isinstance(obj, np.random.Generator):
+            return type(None), ()
+        return super().reducer_override(obj)
 
 
 def load_policy(folder: Path, config: Config, trust: bool = False) -> Any:

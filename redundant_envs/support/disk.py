@@ -7,11 +7,13 @@ import contextlib
 import errno
 import os
 import secrets
+import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 FULL = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}  # no space left, or the quota of the user is
+LEAST = 1 << 14  # bytes; a disk with less left is full for what a library failed to write
 MAX_SHOWN = 5  # most names in a message
 
 
@@ -21,14 +23,32 @@ class DiskFull(OSError):
 
 @contextlib.contextmanager
 def told(path: Path) -> Iterator[None]:
-    """Errors within since a disk is full become a DiskFull for ``path``."""
+    """Errors within since a disk is full become a DiskFull for ``path``, also those of libraries, as of torch
+    and ffmpeg, that say something else."""
     try:
         yield
-    except OSError as error:
-        if error.errno not in FULL:
+    except DiskFull:
+        raise
+    except (OSError, RuntimeError) as error:
+        if not (_is_full(error) or free_bytes(path) < LEAST):
             raise
         fix = "delete something there, or write to another one"
         raise DiskFull(f"{path} cannot be written: the disk is full; {fix}") from error
+
+
+def _is_full(error: BaseException | None) -> bool:
+    """Whether an error, or one that led to it, is that of a full disk."""
+    return error is not None and (
+        (isinstance(error, OSError) and error.errno in FULL)
+        or _is_full(error.__cause__)
+        or _is_full(error.__context__)
+    )
+
+
+def free_bytes(path: Path) -> int:
+    """Bytes that are left on the disk of a path."""
+    whole = path.absolute()
+    return shutil.disk_usage(next(place for place in (whole, *whole.parents) if place.exists())).free
 
 
 @contextlib.contextmanager

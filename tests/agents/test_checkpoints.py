@@ -4,6 +4,7 @@ import contextlib
 import csv
 import errno
 import io
+import json
 import os
 import shutil
 import struct
@@ -169,7 +170,9 @@ def test_a_damaged_checkpoint_is_refused_and_runs_no_code(killed, tmp_path, refu
 @pytest.mark.parametrize(
     ("place", "value"),
     [
-        ("counters.num_timesteps", "x"), ("monitor.episode_returns", "x"),
+        ("counters.num_timesteps", "x"), ("counters.num_timesteps", -5), ("counters.num_timesteps", True),
+        ("counters._current_progress_remaining", float("inf")), ("monitor.episode_returns", "x"),
+        ("monitor.episode_returns", np.full(16, np.nan, np.float32)), ("learner.networks", [1]),
         ("last._last_obs", [1, 2]), ("learner.networks", {}), ("progress.seconds", "x"),
         ("tables.monitor.csv", 10**9), ("run.simulator", "another"),
     ],
@@ -216,10 +219,39 @@ def test_a_log_that_leaves_the_folder_is_asked_for_by_the_command(killed, tmp_pa
     assert {"start_run", "end_run"} <= set(calls)
 
 
-def test_a_training_on_a_disk_that_fills_says_so_and_goes_on_when_there_is_room(tmp_path, monkeypatch):
+FULL = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+
+
+def onto_full_device(data, file):
+    """torch tells that something is wrong, and not what."""
+    with open("/dev/full", "wb") as device:
+        torch.save(data, device)
+
+
+NO_DEVICE = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no full device")
+
+
+@pytest.mark.parametrize(
+    ("file", "place", "fail"),
+    [
+        (".", "stable_baselines3.common.monitor.ResultsWriter.write_row", FULL),
+        ("checkpoint", "redundant_envs_train.training.checkpoint.plain", FULL),
+        pytest.param(
+            "checkpoint", "redundant_envs_train.training.checkpoint.torch",
+            Mock(wraps=torch, save=onto_full_device), marks=NO_DEVICE,
+        ),
+    ],
+    ids=["monitor", "checkpoint", "torch"],
+)  # fmt: skip
+def test_a_training_on_a_disk_that_fills_keeps_its_policy_and_goes_on_when_there_is_room(
+    file, place, fail, tmp_path, monkeypatch
+):
     with monkeypatch.context() as patch:
-        full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
-        patch.setattr("stable_baselines3.common.monitor.ResultsWriter.write_row", full)
-        with pytest.raises(DiskFull, match=rf"{tmp_path} cannot be written: the disk "):
+        patch.setattr(place, fail)
+        with pytest.raises(DiskFull) as error:
             train(small_config("ppo", checkpoint_seconds=1e-9), tmp_path)
+    assert str(error.value).startswith(f"{tmp_path / file} cannot be written: the disk is full")
+    assert str(error.value).endswith(f"of 2048 steps the policy is kept in {tmp_path / 'policy.zip'}")
+    assert not [*tmp_path.glob("*.part")]
+    assert json.loads((tmp_path / "training.json").read_text())["stopped"]
     assert resume(tmp_path)["env_steps"] == 2048

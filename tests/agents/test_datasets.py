@@ -138,3 +138,10 @@ def test_a_dataset_that_was_not_finished_leaves_nothing(end, status, call, tmp_p
     assert error.splitlines()[-1] in ("stopped", "error: the disk is broken")
     assert batches[1][0] > 1e5  # the first batch was written
     assert not [*tmp_path.iterdir()]
+
+
+def test_a_disk_without_room_is_told_before_anything_is_played(refused, tmp_path, monkeypatch):
+    monkeypatch.setattr(dataset, "free_bytes", lambda path: 10**6)
+    words = ["dataset", "random", "--env", RPRP, "--episodes", 21, "--out", tmp_path / "new" / "made"]
+    refused(words, "out is on a disk with 1 MB left; choose another, or fewer --episodes")
+    assert not [*tmp_path.iterdir()]

@@ -16,6 +16,7 @@ from redundant_envs import __version__
 from redundant_envs.envs.registration import full_id, ids
 from redundant_envs.scenes.files import exists
 from redundant_envs.scenes.scene import scene_at
+from redundant_envs.support.disk import free_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.modules import IMPORTED
 from redundant_envs.support.progress import counted
@@ -32,6 +33,7 @@ ABOUT = (
     "is the mean square of the action that led there, 0 to 1; tip is in metres."
 )
 LANES = 512  # episodes that are played at a time, and then written
+EPISODE_BYTES = 50_000  # more than an episode needs; a full disk ends HDF5 without a word
 
 
 def write_dataset(
@@ -49,6 +51,10 @@ def write_dataset(
     if os.path.lexists(out):
         raise ValueError(f"out is {out}, which exists; delete it or choose another --out")
     check_out(out)
+    if (free := free_bytes(out)) < episodes * EPISODE_BYTES:
+        raise ValueError(
+            f"out is on a disk with {free / 1e6:.0f} MB left; choose another, or fewer --episodes"
+        )
     with needs("datasets"):
         import h5py  # noqa: F401 - Minari imports it and PIL, and requires neither
         import minari

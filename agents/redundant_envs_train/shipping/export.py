@@ -14,7 +14,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import scene_names
-from redundant_envs.support.disk import told
+from redundant_envs.support.disk import told, write_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.tables import Markdown, code
 from redundant_envs.support.values import shown
@@ -24,7 +24,7 @@ from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evidence.runs import read_run
 from ..learners.build import ALGORITHM_CLASSES, policy_kwargs, policy_name
 from ..pages import MEASURES, page, results_table
-from ..policies import load_policy
+from ..policies import load_policy, saved
 from ..report import PACKAGES
 from ..run_folder import SCENE, check_out, difference, new_folder, own_config, read_config
 from .layers import Exact, Layers, exact_actions, layers_of
@@ -102,7 +102,7 @@ def _write(
         policy_kwargs=policy_kwargs(config), device="cpu", **(small or {"buffer_size": LANES}),
     )  # fmt: skip
     model.policy.load_state_dict(policy.state_dict())
-    model.save(folder / "policy.zip")
+    write_bytes(folder / "policy.zip", saved(model))
     for name, data in (("config.yaml", config.to_dict()), (SCENE, env.core.scene.to_dict())):
         (folder / name).write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     layers.save(folder / "policy.npz")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.support import bounded
-from redundant_envs.support.disk import write_bytes
+from redundant_envs.support.disk import DiskFull, told, write_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 
@@ -28,6 +28,7 @@ TABLES = ("selection.csv", "monitor.csv")
 """Files of a run that grow, and are cut back to their earlier length."""
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 """Counters of stable-baselines3's algorithms."""
+MOST = 1e18  # largest number of a run
 LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 EPISODES = ("ep_info_buffer", "ep_success_buffer")
 MONITOR = ("episode_returns", "episode_lengths", "episode_count")
@@ -60,8 +61,8 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
     ``run``."""
     part = folder / PART
     shutil.rmtree(part, ignore_errors=True)
-    part.mkdir()
     monitor.results_writer.file_handler.flush()
+    part.mkdir()
     state = {
         "run": run,
         "progress": progress,
@@ -82,8 +83,13 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
             "actions": model.action_space.np_random,
         },
     }
-    with (part / STATE).open("wb") as file:  # torch alone would leave the file open after an error
-        torch.save(plain(state), file)
+    try:
+        # torch alone would leave the file open after an error
+        with told(folder / CHECKPOINT), (part / STATE).open("wb") as file:
+            torch.save(plain(state), file)
+    except DiskFull:
+        shutil.rmtree(part, ignore_errors=True)  # leaves room for the policy
+        raise
     replace_folder(part, folder / CHECKPOINT, folder / OLD_CHECKPOINT)
 
 
@@ -173,15 +179,20 @@ def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
 
 
 def _like(name: str, found: Any, own: Any) -> Any:
-    """A value of a checkpoint, if it has the kind and shape of the model's own."""
+    """A value of a checkpoint, if it has the kind, shape and range of the model's own."""
     if isinstance(own, dict):
-        if found.keys() != own.keys():
+        if not isinstance(found, dict) or found.keys() != own.keys():
             raise ValueError(f"{name} has other entries")
         return {key: _like(f"{name}.{key}", found[key], own[key]) for key in own}
     if isinstance(own, int | float):
-        return type(own)(found)
+        number = isinstance(found, int | float) and not isinstance(found, bool) and abs(found) <= MOST
+        if not number or (isinstance(own, int) and not (isinstance(found, int) and found >= 0)):
+            raise ValueError(f"{name} is {shown(found)}")
+        return found
     if type(found) is not type(own) or found.shape != own.shape or found.dtype != own.dtype:
         raise ValueError(f"{name} is of another kind")
+    if not bool((abs(found) < float("inf")).all()):
+        raise ValueError(f"{name} is not finite")
     return found
 
 

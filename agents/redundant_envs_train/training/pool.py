@@ -4,6 +4,7 @@ import contextlib
 import os
 import re
 import signal
+import stat
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -32,18 +33,22 @@ class Stopped(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """Within this context the first SIGINT or SIGTERM is kept as a request; a second one interrupts at once.
-    In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes it."""
+    """Within this context the first SIGINT, SIGTERM or SIGHUP is kept as a request; a second one interrupts
+    at once. In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes
+    it."""
     request = threading.Event()
 
     def note(number: int, frame: object) -> None:
-        if request.is_set():
+        if number == getattr(signal, "SIGHUP", None):
+            _leave_terminal()
+        elif request.is_set():
             raise KeyboardInterrupt
         request.set()
 
-    is_main = threading.current_thread() is threading.main_thread()
-    known = (signal.SIGINT, signal.SIGTERM) if is_main else ()
-    # a signal that is ignored, as in a worker, stays ignored
+    known = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
+    if threading.current_thread() is not threading.main_thread():
+        known = []
+    # a signal that is ignored, as by nohup or in a worker, stays ignored
     heard = [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]
     _requests.append(request)
     before = {number: signal.signal(number, note) for number in heard}
@@ -60,6 +65,16 @@ def ask_to_stop() -> None:
     on Windows they end a process at once."""
     for request in _requests:
         request.set()
+
+
+def _leave_terminal() -> None:
+    """Write no more to a terminal that is closed: an error there would end a training before it is saved."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor
+            if stat.S_ISCHR(os.fstat(stream.fileno()).st_mode) and not stream.isatty():
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, stream.fileno())
+                os.close(nowhere)
 
 
 def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News]]) -> None:

@@ -1,6 +1,7 @@
 """One training run from a configuration to a run folder; it can be stopped and resumed."""
 
 import sys
+import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
@@ -10,7 +11,7 @@ import yaml
 
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.support.disk import alone, told, write_text
+from redundant_envs.support.disk import DiskFull, alone, told, write_text
 from redundant_envs.support.extras import needs
 from redundant_envs.support.progress import progress_bars
 from redundant_envs.support.values import say
@@ -98,33 +99,43 @@ def _run(
         for name, data in described.items():
             write_text(folder / name, yaml.safe_dump(data, sort_keys=False))
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
-    with told(folder), stop_request() as stop:
-        table = str(folder / "monitor.csv")
-        monitor.results_writer = ResultsWriter(table, header, keywords, override_existing=not resumed)
-        model.set_logger(logger(folder, config, model.num_timesteps))
-        with ExitStack() as files, progress_bars() if progress is None else nullcontext(progress) as bars:
-            files.callback(model.logger.close)
-            files.callback(monitor.close)
+    full: DiskFull | None = None
+    with stop_request() as stop, progress_bars() if progress is None else nullcontext(progress) as bars:
+        with told(folder):
+            table = str(folder / "monitor.csv")
+            monitor.results_writer = ResultsWriter(table, header, keywords, override_existing=not resumed)
+            model.set_logger(logger(folder, config, model.num_timesteps))
             watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
-            on_policy = isinstance(config.settings, PlainPPOSettings)
-            every = LOG_ROLLOUTS if on_policy else LOG_EPISODES * config.num_envs
-            try:
+        on_policy = isinstance(config.settings, PlainPPOSettings)
+        every = LOG_ROLLOUTS if on_policy else LOG_EPISODES * config.num_envs
+        try:
+            with told(folder), ExitStack() as files:
+                files.callback(model.logger.close)
+                files.callback(monitor.close)
                 left = config.total_steps - model.num_timesteps
                 model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=not resumed)
                 # a request during the last rollout comes too late
                 stopped = stop.is_set() and model.num_timesteps < config.total_steps
                 if not stopped:
                     watch.point()
-            except KeyboardInterrupt:
-                stopped = True
-            finally:
-                if progress is not None:
-                    bars.remove_task(watch.task)
+        except KeyboardInterrupt:
+            stopped = True
+        except DiskFull as error:
+            full, stopped = error, True
+        finally:
+            if progress is not None:
+                bars.remove_task(watch.task)
         facts = {
             "env_steps": int(model.num_timesteps), "train_seconds": round(watch.seconds(), 2),
             "simulator": simulator_hash(base.core),
             "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
+        if full is not None:
+            kept = keep(model, folder)
+            with suppress(DiskFull):
+                run_folder.write_json(folder / "training.json", {**facts, "stopped": True})
+            steps = f"{facts['env_steps']} of {config.total_steps} steps"
+            raise DiskFull(f"{full}. After {steps} {kept}") from full
         if stopped:
             save_policy(model, folder / "policy.zip")
         run_folder.write_json(folder / "training.json", {**facts, "stopped": stopped})
@@ -137,6 +148,23 @@ def _run(
         )
     checkpoint.remove(folder)
     return facts
+
+
+def keep(model: Any, folder: Path) -> str:
+    """Save the policy of a training whose disk is full where there is room, and say where."""
+    own = folder / "policy.zip"
+    with suppress(OSError):
+        save_policy(model, own)
+        return f"the policy is kept in {own}"
+    with suppress(OSError):
+        elsewhere = Path(tempfile.mkdtemp(prefix="redundant-envs-")) / own.name
+        try:
+            save_policy(model, elsewhere)
+        except OSError:
+            elsewhere.parent.rmdir()
+            raise
+        return f"the policy is kept in {elsewhere}"
+    return f"{own} is that of the last point of the curve" if own.is_file() else "no policy could be kept"
 
 
 def identity(config: Config, core: Core) -> dict[str, Any]:
