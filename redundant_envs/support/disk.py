@@ -39,9 +39,7 @@ def told(path: Path) -> Iterator[None]:
 def _is_full(error: BaseException | None) -> bool:
     """Whether an error, or one that led to it, is that of a full disk."""
     return error is not None and (
-        (isinstance(error, OSError) and error.errno in FULL)
-        or _is_full(error.__cause__)
-        or _is_full(error.__context__)
+        (isinstance(error, OSError) and error.errno in FULL) or _is_full(error.__cause__ or error.__context__)
     )
 
 

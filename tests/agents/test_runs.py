@@ -1,9 +1,11 @@
 """Run folders: made by one command, read in their own scene from anywhere, named if they are damaged."""
 
 import json
+import os
 import re
 import shutil
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -236,6 +238,30 @@ def test_a_second_request_interrupts_at_once(name, interrupts):
         with pytest.raises(KeyboardInterrupt):
             interrupts()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+CLOSED = """
+import fcntl, sys, termios, time
+from redundant_envs_train.training.pool import stop_request
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+with stop_request() as stop:
+    print("begun", flush=True)
+    while not stop.is_set():
+        time.sleep(0.01)
+    print("saves", flush=True)
+    sys.exit(7)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no signal when a terminal is closed")
+def test_a_closed_terminal_is_a_request_and_what_is_written_there_no_error():
+    ours, theirs = os.openpty()
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
+    child = subprocess.Popen([sys.executable, "-c", CLOSED], start_new_session=True, **streams)
+    os.close(theirs)
+    assert os.read(ours, 5) == b"begun"
+    os.close(ours)
+    assert child.wait(60) == 7
 
 
 def test_ctrl_c_elsewhere_is_one_line(monkeypatch, capsys):
