@@ -130,3 +130,9 @@ def test_a_file_that_has_the_name_of_a_module_of_python_is_followed(monkeypatch,
     assert not code()
     monkeypatch.delitem(sys.modules, "pyclbr")
     assert not code()
+
+
+def test_effects_that_users_register_leave_what_is_told_of_the_package_as_it_was(monkeypatch):
+    before = code()
+    monkeypatch.setitem(e.REGISTRY, "Drag", Drag)
+    assert before == code() != ""

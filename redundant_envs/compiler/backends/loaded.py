@@ -27,7 +27,7 @@ ROOT = __name__.partition(".")[0]
 BACKENDS = f"{ROOT}.compiler.backends"
 PLAIN = frozenset((bool, int, float, complex, str, bytes, type(None), tuple, list, dict))
 TABLES = (dict, list, set, frozenset)
-REGISTRIES = ("METHODS", "REGISTRY")
+REGISTRIES = ("ARMS", "EFFECTS", "METHODS", "REGISTRY")
 """Tables that others may add to. What they hold is not told: a scene tells which it names."""
 CACHED = type(functools.cache(len))
 ATTRIBUTES = {
