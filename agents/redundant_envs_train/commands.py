@@ -106,7 +106,7 @@ def train(
         str, Option(help="where several runs go: processes of this machine, or a ray cluster")
     ] = "processes",
     address: Annotated[
-        str | None, Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: RAY_ADDRESS)")
+        str | None, Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: this machine)")
     ] = None,
 ) -> None:
     """Train, evaluate and report."""
@@ -116,8 +116,6 @@ def train(
         raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
     if address is not None and on != "ray":
         raise ValueError(f"address is {shown(address)}, which is for Ray; add --on ray")
-    if processes is not None and on == "ray":
-        raise ValueError("processes is for this machine; leave --processes out with --on ray")
     if processes is not None and seeds is None:
         raise ValueError("processes is for several seeds; give --seeds, such as --seeds 0..9")
     stamp = time.strftime("%Y%m%d-%H%M%S")
@@ -130,7 +128,7 @@ def train(
         if on == "ray":
             from .training.on_ray import train_on_ray
 
-            train_on_ray(chosen, folder, address)
+            train_on_ray(chosen, folder, address, processes)
         else:
             from .training.many import train_many
 
