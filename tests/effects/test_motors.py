@@ -373,7 +373,7 @@ def stored_and_taken(effect, rates, h=1e-4):
     """Energy that the bristles give back at most, and the work that friction takes, along given rates: a row
     for each time, a column for each motion."""
     numbers = {name: getattr(effect, name) for name in arguments_of(lu_gre.force)[2:]}
-    own = [numbers[name] for name in lu_gre.OF_BRISTLES]
+    own = [numbers[name] for name in arguments_of(lu_gre.bent)[2:-1]]
     z, taken, least = np.zeros((3, rates.shape[1]))
     for rate in rates:
         middle = lu_gre.bent(rate, z, *own, 0.5 * h)
