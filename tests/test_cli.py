@@ -111,6 +111,13 @@ def test_scene_prints_itself_its_listing_and_its_bill(capsys):
     assert {owner: tuple(map(int, numbers)) for owner, *numbers in lines} == bill(load_scene(name))
 
 
+@pytest.mark.parametrize("kept", ["module://matplotlib_inline.backend_inline", "pdf"])
+def test_a_command_of_a_notebook_does_not_take_its_back_end_for_figures(kept, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", kept)
+    assert main(["list"]) == 0
+    assert os.environ.get("MPLBACKEND") == (kept if kept == "pdf" else None)
+
+
 def test_list_names_everything(capsys):
     assert main(["list"]) == 0
     registered = {i for i in gym.registry if i.startswith("redundant_envs/")}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import select
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -14,6 +15,8 @@ from redundant_envs.support.values import say, shown
 
 OPTION = "--import"
 IMPORTED: list[str] = []  # modules that the command named: its other processes import them, too
+NOTEBOOK = "module://matplotlib_inline"
+"""How MPLBACKEND begins in the commands of a notebook, whose process they are not: figures become files."""
 CLOSED_PIPE = 141  # exit status where nobody reads on, as of a program that SIGPIPE ends: 128 + 13
 
 
@@ -23,14 +26,20 @@ def status_of(run: Callable[[], int | None], name: str) -> int:
     for stream, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, stream) is None:  # closed by whoever began the command
             setattr(sys, stream, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+    if os.environ.get("MPLBACKEND", "").startswith(NOTEBOOK):
+        del os.environ["MPLBACKEND"]  # another environment may lack that module: matplotlib would not import
     try:
         try:
             return run() or 0
         finally:
             sys.stdout.flush()  # not at the exit of Python, which would show a traceback
+    except SystemExit:  # of a parser after its help; one of them turns a closed pipe into it
+        if _give_up_output():
+            return CLOSED_PIPE
+        raise
     except (ValueError, MissingPackage, OSError) as error:
-        _give_up_output()
-        if isinstance(error, BrokenPipeError):
+        lost = _give_up_output()
+        if lost and isinstance(error, BrokenPipeError):
             return CLOSED_PIPE
         said, status = f"{name}: {' '.join(str(error).splitlines())}", 2
     except MemoryError as error:
@@ -42,13 +51,27 @@ def status_of(run: Callable[[], int | None], name: str) -> int:
     return status
 
 
-def _give_up_output() -> None:
-    """Drop what nobody takes from the standard output or error, or Python would try again at its exit."""
+def _give_up_output() -> bool:
+    """Whether nobody takes what is written to the standard output or error; what is left there is dropped."""
+    lost = False
     for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        with contextlib.suppress(OSError, ValueError):  # a stream without a descriptor is not closed
+            if _is_lost(stream):
+                lost = True
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return lost
+
+
+def _is_lost(stream: Any) -> bool:
+    try:
+        stream.flush()
+    except OSError:
+        return True
+    if sys.platform == "win32":
+        return False
+    asked = select.poll()
+    asked.register(stream, 0)
+    return any(event & select.POLLERR for _, event in asked.poll(0))
 
 
 def module_named(name: str) -> Any:
