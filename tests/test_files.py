@@ -101,10 +101,10 @@ def test_what_is_no_file_is_refused_at_once(tmp_path):
     (tmp_path / "zero.yaml").symlink_to("/dev/zero")
     (tmp_path / "lost.yaml").symlink_to(tmp_path / "nothing")
     for name, words in (
-        ("pipe", "no folder, pipe or device"),
-        ("zero", "no folder, pipe or device"),
+        ("pipe", "a device or a pipe"),
+        ("zero", "a device or a pipe"),
         ("lost", "no such file"),
-        ("folder", "no folder, pipe or device"),
+        ("folder", "a folder; give a file in it"),
         ("x" * 5000, "no such file"),
         ("a\0b", "no such file"),
     ):

@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import os
+import stat
+import struct
 from collections.abc import Iterable, Iterator, Sequence
 from io import BufferedReader
 from pathlib import Path
@@ -22,7 +25,10 @@ MAX_PACKED = 1 << 28  # bytes of a policy.zip, in which stable-baselines3 keeps 
 MAX_JSON = 1 << 20  # bytes of JSON, which becomes twenty times as many in memory; evaluations have 2000
 MAX_TABLE = 1 << 24  # bytes of a table of runs: some thousand with their learning curves
 LONGEST_LINE = 1 << 20
-MAX_DIRECTORY = 1 << 20  # bytes of the directory of a zip file: torch has two members for each tensor
+MAX_MEMBERS = 1000  # of a zip file: torch has two for each tensor of a policy
+END, LOCATOR, END_64 = "<4s4H2LH", "<4sLQL", "<4sQ2H2L4Q"
+"""Records at the end of a zip file, with length and place of its directory, the latter two for 64 bits."""
+ENTRY = b"PK\x01\x02"  # the beginning of a member's entry in the directory of a zip file
 
 
 @contextlib.contextmanager
@@ -30,10 +36,14 @@ def opened(path: Path, what: str, most: int) -> Iterator[BufferedReader]:
     """A file, open for reading; ``what`` names it in messages. ValueError if it cannot be read, is a folder,
     a pipe or a device, or has more than ``most`` bytes."""
     try:
-        if not path.is_file():
-            raise ValueError(f"{what} is {shown(str(path))}; give a file, and no folder, pipe or device")
-        with path.open("rb") as file:
-            _check_size(path, os.fstat(file.fileno()).st_size, most)
+        if path.is_dir():
+            raise ValueError(f"{what} is {shown(str(path))}, a folder; give a file in it")
+        at_once = getattr(os, "O_NONBLOCK", 0)  # a pipe without a writer does not wait for one
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | at_once)) as file:
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
+                raise ValueError(f"{what} is {shown(str(path))}, a device or a pipe; give a file")
+            _check_size(path, found.st_size, most)
             yield file
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__
@@ -94,14 +104,20 @@ def read_rows(path: Path, what: str) -> Iterator[dict[str, str]]:
     """The rows of a CSV file, one line each, by the columns of its first line; empty lines are left out."""
     import csv
 
-    reader = csv.DictReader(read_lines(path, what, MAX_TABLE), strict=True)
-    try:
-        for row in reader:
-            if None in row or None in row.values():
-                raise ValueError(f"{path}, line {reader.line_num} has not the cells of the first line")
-            yield row
-    except csv.Error as error:
-        raise ValueError(f"{path}, line {reader.line_num}: {error}") from None
+    head: list[str] | None = None
+    for number, line in enumerate(read_lines(path, what, MAX_TABLE), 1):
+        if not line:
+            continue
+        try:
+            cells = next(csv.reader([line], strict=True))
+        except csv.Error as error:
+            raise ValueError(f"{path}, line {number}: {error}") from None
+        if head is None:
+            head = cells
+        elif len(cells) != len(head):
+            raise ValueError(f"{path}, line {number} has {len(cells)} cells instead of {len(head)}")
+        else:
+            yield dict(zip(head, cells, strict=True))
 
 
 def read_members(
@@ -132,30 +148,53 @@ def read_members(
 def stored_members(file: BinaryIO, where: str, most: int) -> list[str]:
     """The names of the members of a zip file for another reader; ValueError as for :func:`read_members`, or
     if one is compressed, or if another reader may find another directory in it."""
-    import zipfile
-
     with _archive(file, where) as archive:
         if any(entry.compress_type for entry in archive.infolist()):
             raise ValueError(f"{where} is compressed")
-        # zipfile corrects the place of the directory, which others take from the record at the end
-        stated = zipfile._EndRecData(file)[zipfile._ECD_OFFSET]  # type: ignore[attr-defined]
-        if archive.start_dir != stated:
+        if archive.start_dir != _start_of_directory(file):
             raise ValueError(f"{where} has something between its members and their directory")
         _check_unpacked(archive.infolist(), where, most)
         return archive.namelist()
 
 
+def _start_of_directory(file: BinaryIO) -> int | None:
+    """Where a zip file says that its directory begins; None unless that ends where the records of the end
+    begin, which are whole, without a comment, and at the end."""
+    sizes = [struct.calcsize(record) for record in (END_64, LOCATOR, END)]
+    before = file.seek(0, os.SEEK_END) - sizes[-1]
+    file.seek(max(before - sum(sizes[:-1]), 0))
+    end_64, locator, end = map(file.read, sizes)
+    if len(end) < sizes[-1] or not end.startswith(b"PK\x05\x06") or end[-2:] != b"\0\0":
+        return None
+    *_, length, start, _ = struct.unpack(END, end)
+    if locator.startswith(b"PK\x06\x07"):
+        before -= sum(sizes[:-1])
+        if struct.unpack(LOCATOR, locator)[2] != before or not end_64.startswith(b"PK\x06\x06"):
+            return None
+        *_, length_64, start_64 = struct.unpack(END_64, end_64)
+        if (length, start) not in ((length_64, start_64), (2**32 - 1, 2**32 - 1)):
+            return None
+        length, start = length_64, start_64
+    return start if start + length == before else None
+
+
 @contextlib.contextmanager
 def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
-    """A zip file with a directory that is not too long, whose members have different names."""
+    """A zip file with not too many members, each of its own name."""
     import zipfile
+    import zlib
 
+    if _count(file, ENTRY) > MAX_MEMBERS:
+        raise ValueError(f"{where} has more than the {MAX_MEMBERS} members that are read")
+    errors: tuple[type[Exception], ...] = (
+        zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError, OSError,
+        OverflowError,
+    )  # fmt: skip
+    # a place beyond any file, or a name that is no text
+    at_once: tuple[type[Exception], ...] = (*errors, ValueError)
     try:
-        end = zipfile._EndRecData(file)  # type: ignore[attr-defined]
-        if end and end[zipfile._ECD_SIZE] > MAX_DIRECTORY:  # type: ignore[attr-defined]
-            raise ValueError(f"its directory has more than the {MAX_DIRECTORY} bytes that are read")
         archive = zipfile.ZipFile(file)
-    except Exception as error:  # a place beyond any file, or a name that is no text
+    except at_once as error:
         raise _damaged(where, error) from None
     size = file.seek(0, os.SEEK_END)
     with archive:
@@ -166,9 +205,7 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
             raise _damaged(where, "a member begins elsewhere")
         try:
             yield archive
-        except (ValueError, MemoryError):
-            raise
-        except Exception as error:
+        except errors as error:
             raise _damaged(where, error) from None
 
 
@@ -182,18 +219,45 @@ def _check_unpacked(entries: Iterable[Any], where: str, most: int) -> None:
         raise ValueError(f"{where} unpacks to {size} bytes, more than the {most} that are read")
 
 
+def _count(file: BinaryIO, mark: bytes) -> int:
+    """How often a mark is in a file, in little memory."""
+    count, end = 0, b""
+    file.seek(0)
+    while chunk := file.read(1 << 20):
+        count += (end + chunk).count(mark)
+        end = chunk[1 - len(mark) :]
+    return count
+
+
 def read_arrays(path: Path, what: str) -> dict[str, Any]:
     """The arrays of numbers and texts of an .npz file; ValueError as for :func:`read_members`, or if one has
-    objects or fewer numbers than it claims."""
-    from numpy.lib import format as npy
-
+    objects or claims another size than it has."""
     with opened(path, what, MAX_UNPACKED) as file:
         members = read_members(file, str(path))
-    arrays = {}
-    for name, data in members.items():
-        try:
-            arrays[name.removesuffix(".npy")] = npy.read_array(io.BytesIO(data), allow_pickle=False)
-        except Exception as error:  # a header of a stranger may raise any error
-            words = " ".join(str(error).split())[:200]
-            raise ValueError(f"{path}: {shown(name)} is damaged ({words})") from None
-    return arrays
+    return {
+        name.removesuffix(".npy"): _array(data, f"{path}: {shown(name)}") for name, data in members.items()
+    }
+
+
+def _array(data: bytes, where: str) -> Any:
+    """An array of the format of NumPy, which would make room for any size that a header claims."""
+    import numpy as np
+    from numpy.lib import format as npy
+
+    file = io.BytesIO(data)
+    readers = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+    try:
+        reader = readers.get(npy.read_magic(file))
+        if reader is None:
+            raise ValueError("its version is another than 1.0 and 2.0")
+        shape, fortran, dtype = reader(file)
+        if dtype.kind not in "biufU":
+            raise ValueError(f"it holds {shown(dtype)}; numbers and texts are read")
+        count, left = math.prod(shape), len(data) - file.tell()
+        if count * dtype.itemsize != left:
+            raise ValueError(
+                f"it claims {shown(count)} values of {dtype.itemsize} bytes, and has {left} bytes"
+            )
+        return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if fortran else "C")
+    except Exception as error:  # a header of a stranger may raise any error
+        raise ValueError(f"{where} is damaged: {' '.join(str(error).split())[:200]}") from None

@@ -1,6 +1,7 @@
 """Small files that would fill the memory, and files that are none, end a command with one line of error."""
 
 import io
+import os
 import shutil
 import tracemalloc
 import zipfile
@@ -100,14 +101,27 @@ def test_json_and_tables_that_would_fill_the_memory(tmp_path, lean, monkeypatch)
         lean(words, f"{path.name} has 2147483648 bytes, more than the {most}")
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
+def test_a_pipe_is_not_waited_for(tmp_path, lean, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # long paths are shortened in messages
+    os.mkfifo("pipe")
+    lean(["train", "pipe"], "'pipe'", "a pipe")
+    lean(["train", "rprp_reach_ppo", "start_from=pipe"], "'pipe'")
+    for name in ("config.yaml", "scene.yaml", "evaluation.json", "selection.csv", "training.json"):
+        run = write_run(tmp_path / f"of_{name}")
+        (run / name).unlink(missing_ok=True)
+        os.mkfifo(run / name)
+        lean(["table", run], name)
+
+
 def test_arrays_that_claim_more_than_they_have(tmp_path):
     folder, head = shutil.copytree(POLICY, tmp_path / "RPRPReach-v0-sac"), io.BytesIO()
     described = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
     np.lib.format.write_array_header_1_0(head, described)
     claim = head.getvalue()
     for data, words in (
-        (claim, "damaged"), (bytes(70 * MIB), "67108864"), (b"", "damaged"),
-        (claim.replace(b"'<f8'", b"'|O8'"), "Object arrays"), (claim.replace(b"(1", b"(-1"), "damaged"),
+        (claim, "claims 1000000000000 values"), (bytes(70 * MIB), "67108864"), (b"", "damaged"),
+        (claim.replace(b"'<f8'", b"'|O8'"), "numbers and texts"), (claim.replace(b"(1", b"(-1"), "damaged"),
     ):  # fmt: skip
         write_members(folder / "policy.npz", members(POLICY / "policy.npz") | {"weights_0.npy": data})
         with pytest.raises(ValueError, match=words):
