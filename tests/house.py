@@ -16,11 +16,11 @@ from tests.docs.words import count_words
 ROOT = Path(__file__).parents[1]
 FEATURES = {
     "active", "attempts", "begins", "bounces", "bounded", "boundaries", "bounds_late_switch", "closed",
-    "compares_bounces", "control", "controlled", "counted", "counts_evaluations", "doubts", "draws",
-    "frictions", "gripped", "guarded", "guards", "holding", "impulses_change_laws", "instants", "kinks",
-    "laws", "local", "located", "locates_laws", "logs", "origin", "passed", "pieces",
+    "control", "controlled", "counted", "counts_evaluations", "doubts", "draws",
+    "frictions", "friction_with_stop", "guarded", "guards", "holding", "impulses_change_laws", "instants",
+    "kinks", "laws", "local", "located", "locates_laws", "logs", "origin", "passed", "pieces",
     "pose_tells_distances", "renewed", "repeats_common_step", "resolves", "rests", "slipping", "sticking",
-    "stiction", "stops", "varying", "watched_sliders", "weighs_laws",
+    "stiction", "stops", "varying", "watched_sliders",
 }  # fmt: skip
 KINDS = {"HoldingStop", "Stop", "HingeStop", "Wall", "LawChange", "Guard", "StickingJoint", "TravelStop"}
 FLAGS = re.compile(r"\bb\.(joint|bounces|guards|sticks|holds)\b|\bb (not )?in (self\.)?dynamics\.\w+")
@@ -63,7 +63,7 @@ def counts(engine: list[Path]) -> dict[str, int]:
     tests = [test for folder in engine for test in conditions(folder)]
     asked = [set(asked_in(test)) for test in tests]
     kinds = [
-        any(isinstance(n, ast.Name) and n.id in KINDS for n in ast.walk(test))
+        any({getattr(n, "id", ""), getattr(n, "attr", "")} & KINDS for n in ast.walk(test))
         or bool(FLAGS.search(ast.unparse(test)))
         for test in tests
     ]

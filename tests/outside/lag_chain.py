@@ -3,23 +3,8 @@
 from dataclasses import dataclass
 
 import redundant_envs as rde
-from redundant_envs.algebra import physics
 from redundant_envs.effects import Actuation, Effect, Link, State
-
-
-@physics
-def approach(command, effort, time_constant):
-    return (command - effort) / time_constant
-
-
-@physics
-def effort_of(effort):
-    return effort
-
-
-@physics
-def fastest_change(time_constant):
-    return 1.0 / time_constant
+from tests.verify.aimed import approach, effort_of, fastest_change
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 import functools
 import gc
+import itertools
 import operator
 import struct
 import sys
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -70,25 +70,18 @@ MAX_OPERATIONS = 100_000
 compile, and a compiler takes more than twice as long for twice as many."""
 
 
-CHECKED = 256
-"""Operations after which the count of a program is looked at."""
-
-
 class TooManyOperations(Exception):
-    """A program has more operations than it may have, ``most``; ``counts`` of those recorded, by owner."""
-
-    def __init__(self, counts: Counter[str]) -> None:
-        super().__init__(counts)
-        self.counts, self.most = counts, MAX_OPERATIONS
+    """A program has more than :data:`MAX_OPERATIONS` operations."""
 
 
-_counts: ContextVar[Counter[str] | None] = ContextVar("counts", default=None)
+_counter: ContextVar[Iterator[int] | None] = ContextVar("counter", default=None)
 
 
 @contextlib.contextmanager
 def counted() -> Iterator[None]:
     """Within this context, and not beyond the outermost one, the operations of all graphs are counted."""
-    with contextlib.nullcontext() if _counts.get() is not None else setting(_counts, Counter()):
+    counter = _counter.get() or itertools.count(1)
+    with setting(_counter, counter):
         yield
 
 
@@ -155,7 +148,7 @@ class Graph:
         self.whole = whole
         self._known: dict[Any, Operation] = {}
         self._located = _located.get()
-        self._counts = _counts.get()
+        self._counter = _counter.get()
         self.results: dict[Any, Any] = {}
         """Results of functions with branches (:mod:`ways`), so that equal calls are traced once."""
         self.part = 0
@@ -169,10 +162,8 @@ class Graph:
         if found is None:
             origin = _origin() if self._located else None
             found = self._known[key] = Operation(name, list(arguments), extra, origin)
-            if (counts := self._counts) is not None:
-                counts[_owner.get()] += 1
-                if len(self._known) % CHECKED == 0 and counts.total() > MAX_OPERATIONS:
-                    raise TooManyOperations(counts)
+            if self._counter is not None and next(self._counter) > MAX_OPERATIONS:
+                raise TooManyOperations(f"more than {MAX_OPERATIONS} operations")
         return found
 
     def load(self, space: str, k: int) -> Operation:

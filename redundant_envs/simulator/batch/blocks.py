@@ -53,7 +53,7 @@ def limited() -> Iterator[None]:
             yield
     except TooManyOperations as error:
         raise ValueError(
-            f"the program of this scene has more than {error.most} operations, which would take minutes to "
+            f"the program of this scene has {error}, which would take minutes to "
             "compile; leave some of its effects out, or take fixed steps in place of a tolerance"
         ) from None
 
