@@ -150,6 +150,8 @@ class Joint:
 
     def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
         """Position and rate, from the fields of a form."""
+        if self.dynamics.arm.prismatic[self.index]:  # its length is a coordinate
+            return lane[form.format(self.coordinate)], lane[form.format(self.rate)]
         x = quantities_of_arm(self.dynamics, lane, form)
         return x[f"phi{self.number}"], x[f"phid{self.number}"]
 
