@@ -118,8 +118,7 @@ def _trace(function: Any) -> tuple[int, str]:
             raise ValueError(
                 f"{name} returns a {type(value).__name__}; return numbers: one, or a tuple, such as a, b"
             )
-    found = [value_of(value) for value in values]
-    return len(values), "\n".join(result_lines(found))
+    return len(values), "\n".join(result_lines([*map(value_of, values)]))
 
 
 _traced_once = functools.lru_cache(maxsize=512)(_trace)
@@ -129,16 +128,9 @@ def _name(function: Any) -> str:
     return f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', repr(function))}"
 
 
-def _package(module: Any) -> str:
-    return str(module).partition(".")[0]
-
-
-OWN = _package(__name__)
-
-
 def is_own(what: Any) -> bool:
     """Whether a function or a class is one of this package."""
-    return _package(getattr(what, "__module__", "")) == OWN
+    return str(getattr(what, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]
 
 
 def random_states() -> Any:

@@ -34,11 +34,7 @@ LONG_TEXT = 2_500_000
 done in a process of its own: nothing else stops a compiler."""
 
 _lock = threading.Lock()
-
-
 _target: ContextVar[Processor | None] = ContextVar("target", default=None)
-
-
 target = functools.partial(setting, _target)
 """Within this context programs are made for another processor, its argument, whose code this one can run."""
 
@@ -66,8 +62,7 @@ def machine() -> Any:
 
 
 def _described() -> tuple[str, str, str, int]:
-    name, features, triple, _ = processor()
-    return name, features, triple, EFFORT
+    return (*processor()[:3], EFFORT)
 
 
 def object_code(program: Program) -> bytes:

@@ -8,16 +8,7 @@ from typing import Any
 from llvmlite import ir
 
 from redundant_envs.compiler.backends import llvm_lanes as lanes
-from redundant_envs.compiler.backends.llvm_lanes import (
-    ARITHMETIC,
-    DOUBLE,
-    ELEMENT,
-    INT32,
-    INT64,
-    Vectors,
-    address,
-    integer,
-)  # fmt: skip
+from redundant_envs.compiler.backends.llvm_lanes import ARITHMETIC, DOUBLE, ELEMENT, INT64, Vectors, integer
 from redundant_envs.compiler.backends.processors import Processor
 from redundant_envs.compiler.tracing.flow import ELEMENTS, Kernel, Program, Scalar
 
@@ -79,10 +70,10 @@ class KernelEmitter:
 
     def _argument(self, i: Scalar) -> Any:
         type_ = ELEMENT[i.kind].as_pointer() if i.kind in ELEMENT else INT64
-        return self.builder.load(address(self.builder, self.function.args[0], i.extra, type_))
+        return self.builder.load(lanes.address(self.builder, self.function.args[0], i.extra, type_))
 
     def _space(self, i: Scalar) -> Any:
-        memory = self.entry.alloca(ELEMENT[i.kind], ir.Constant(INT32, i.extra))
+        memory = self.entry.alloca(ELEMENT[i.kind], ir.Constant(lanes.INT32, i.extra))
         memory.align = 64
         return memory
 

@@ -14,17 +14,8 @@ from collections.abc import Callable, Generator, Iterator
 from typing import Any, NamedTuple
 
 from redundant_envs.compiler.tracing.graph import Graph, Operation, setting
-from redundant_envs.compiler.tracing.number import Condition, Traced, deciding, outlives
-from redundant_envs.compiler.tracing.ways import (
-    Exclusive,
-    Fork,
-    Tree,
-    Way,
-    Ways,
-    every_way,
-    merged_fields,
-    same,
-)
+from redundant_envs.compiler.tracing.number import Traced, deciding, outlives
+from redundant_envs.compiler.tracing.ways import Exclusive, Tree, Ways, ending, every_way, merged_fields, same
 from redundant_envs.language.algebra import any_of, logical_not, where
 
 ENDED = -1.0
@@ -128,7 +119,7 @@ class Machine:
         parts = [(s, self.ways[s.number]) for s in states]
         here = lane[answered]
         ends: list[tuple[Any, Tree]] = []
-        while (end := _common_end([tree for _, tree in parts])) is not None:
+        while (end := ending([tree for _, tree in parts])) is not None:
             condition, way, rest = end
             ends.append((here & condition, way))
             here = here & logical_not(condition)
@@ -137,7 +128,7 @@ class Machine:
             ends += [(here & (lane["state"] == float(s.number)), tree) for s, tree in parts]
         else:
             ends.append((here, parts[0][1]))
-        tree = Exclusive(ends, Way({}))
+        tree = Exclusive(ends)
         results = [way.result for way in tree.leaves]
         before = {name: lane.loaded(name) for result in results for name in result}
         total = merged_fields(tree, {n: [r.get(n, x) for r in results] for n, x in before.items()})
@@ -147,21 +138,6 @@ class Machine:
                 total[asked.value] = where(any_of(waits), 1.0, 0.0)
         total["complete"] = where(total["state"] == ENDED, 1.0, 0.0)
         return {n: x for n, x in total.items() if n not in before or not same(x, before[n])}
-
-
-def _common_end(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
-    """If all stretches of several states begin with one fork, and on one side of it do the same at once: the
-    condition of that side, its way, and the other side of each."""
-    forks = [tree for tree in trees if isinstance(tree, Fork)]
-    if len(forks) != len(trees) or len(trees) < 2 or len({tree.condition.value for tree in forks}) > 1:
-        return None
-    condition = forks[0].condition
-    sides = [tree.yes for tree in forks], [tree.no for tree in forks]
-    for (ends, rest), end in ((sides, condition), (sides[::-1], logical_not(condition))):
-        written = [sorted(way.result.items()) for way in ends if isinstance(way, Way)]
-        if len(written) == len(ends) and all(same(w, written[0]) for w in written):
-            return end, ends[0], rest  # type: ignore[return-value]
-    return None
 
 
 def _without_numbers(value: Any) -> Any:

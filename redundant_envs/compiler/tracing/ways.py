@@ -84,13 +84,11 @@ class Fork:
 
 
 class Exclusive(Fork):
-    """Ways of which those under one condition are taken if it holds, and others if none holds.
+    """Ways of which those under one condition are taken if it holds; at most one of the conditions does. If
+    none holds an empty way is taken."""
 
-    At most one of the conditions holds.
-    """
-
-    def __init__(self, parts: Sequence[tuple[Any, Tree]], none: Way) -> None:
-        tree: Tree = none
+    def __init__(self, parts: Sequence[tuple[Any, Tree]]) -> None:
+        tree: Tree = (none := Way({}))
         for condition, part in reversed(parts):
             tree = Fork(condition, part, tree)
         assert isinstance(tree, Fork)
@@ -104,6 +102,21 @@ class Exclusive(Fork):
 
 
 Tree = Way | Fork
+
+
+def ending(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
+    """If several stretches begin with one fork, and on one side of it do the same at once: the condition of
+    that side, its way, and the other side of each."""
+    forks = [tree for tree in trees if isinstance(tree, Fork)]
+    if len(forks) != len(trees) or len(trees) < 2 or len({tree.condition.value for tree in forks}) > 1:
+        return None
+    condition = forks[0].condition
+    sides = [tree.yes for tree in forks], [tree.no for tree in forks]
+    for (ends, rest), end in ((sides, condition), (sides[::-1], logical_not(condition))):
+        written = [sorted(way.result.items()) for way in ends if isinstance(way, Way)]
+        if len(written) == len(ends) and all(same(w, written[0]) for w in written):
+            return end, ends[0], rest  # type: ignore[return-value]
+    return None
 
 
 def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:

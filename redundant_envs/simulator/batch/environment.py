@@ -65,7 +65,11 @@ class EnvironmentKernel:
         self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS}, lanes)
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
-        self.resets = [*self.randomized(), self.blocks.function("reset", episode.reset)]
+        make, numbers = self.blocks.function, episode.randomized
+        self.resets = [make("reset", episode.reset)]
+        if numbers.drawn:  # without joined products, to the bits of numbers that are set from outside
+            prepare = make("prepare", numbers.prepare, joins=False)
+            self.resets = [make("draw", numbers.draw), prepare, *self.resets]
         self.states_begin = bool(episode.dynamics.effect_states.computed)
         """Whether states of effects have a computed value at the start of an episode."""
         if self.states_begin:
@@ -130,14 +134,6 @@ class EnvironmentKernel:
             with p.when(begins):
                 self.blocks.store(block.pointers, k, "resetting", 1.0)
         p.call(self.begun, **block.pointers)
-
-    def randomized(self) -> list[LaneFunction]:
-        """Functions that draw the numbers of an episode, and compute what follows from them: without joined
-        products, to the bits of numbers that are set from outside."""
-        randomized, make = self.episode.randomized, self.blocks.function
-        if not randomized.drawn:
-            return []
-        return [make("draw", randomized.draw), make("prepare", randomized.prepare, joins=False)]
 
     def reset(self, block: Block) -> None:
         """Begin an episode in the lanes of a block that are ``resetting``."""

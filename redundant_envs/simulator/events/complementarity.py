@@ -86,13 +86,13 @@ def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[
     return [cases(*largest_first, default=0.0) for largest_first in choices]
 
 
-def pressed(accelerations: Sequence[Any], w: Matrix) -> list[Any]:
-    """Which of the coordinates at rest at their stops are pressed onto them.
+def pressed(accelerations: Sequence[Any], sides: Sequence[Any], mobilities: Matrix) -> list[Any]:
+    """Which of the coordinates at rest at stops of some sides are pressed onto them.
 
     ``accelerations`` are the outward ones that the coordinates would have without stops. There is exactly one
     set of pressing stops with which no stop pulls and no coordinate moves into a stop.
     """
-    count = len(accelerations)
+    count, w = len(accelerations), outward_mobilities(mobilities, sides)
     if count == 1:
         return [accelerations[0] > 0.0]
     if count == 2:

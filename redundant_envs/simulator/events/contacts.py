@@ -27,13 +27,7 @@ from redundant_envs.language.algebra import (
 )
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.simulator.events.boundary import NEGLIGIBLE_SPEED, side_touched
-from redundant_envs.simulator.events.complementarity import (
-    Matrix,
-    halting,
-    impulses,
-    outward_mobilities,
-    pressed,
-)
+from redundant_envs.simulator.events.complementarity import Matrix, halting, impulses, pressed
 
 MAX_IMPACTS, MAX_WITH_LOW_BOUNCES = 256, 1024
 """Most impacts of an interval, and of one with bounces below 1e-9 m; with more it is given up."""
@@ -167,7 +161,7 @@ def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
     """Coordinates at rest whose stops would have to pull, if every other one rests, too, or is at no stop."""
     modes, forces = [c.active_stop for c in contacts], [c.force for c in contacts]
     free = [-mode * total(map(mul, row, forces)) for mode, row in zip(modes, w, strict=True)]
-    stays = pressed(free, outward_mobilities(w, modes))
+    stays = pressed(free, modes, w)
     all_rest = all_of(c.resting for c in contacts) & any_of(c.pulled for c in contacts)
     result = []
     for c, stay in zip(contacts, stays, strict=True):
@@ -224,7 +218,7 @@ def support_of(contacts: Sequence[Contact], unheld: Sequence[Any], w: Matrix) ->
     may_rest = [c.resting | (now[k] & would_rest(c, maximum(unheld[k], pressing[k]))) for k, c in each]
     if len(contacts) > 2:
         unheld = [where(may, a, AWAY) for may, a in zip(may_rest, unheld, strict=True)]
-    stay = pressed(unheld, outward_mobilities(w, [c.side for c in contacts]))
+    stay = pressed(unheld, [c.side for c in contacts], w)
     changes = any_of(released) | any_of(rests)
     several = any_of(a & b for a, b in itertools.combinations(may_rest, 2)) & changes
     new_rests = [c.free & stay[k] for k, c in each]
