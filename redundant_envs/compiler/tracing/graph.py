@@ -77,12 +77,9 @@ class TooManyOperations(Exception):
 _counter: ContextVar[Iterator[int] | None] = ContextVar("counter", default=None)
 
 
-@contextlib.contextmanager
-def counted() -> Iterator[None]:
+def counted() -> contextlib.AbstractContextManager[None]:
     """Within this context, and not beyond the outermost one, the operations of all graphs are counted."""
-    counter = _counter.get() or itertools.count(1)
-    with setting(_counter, counter):
-        yield
+    return setting(_counter, _counter.get() or itertools.count(1))
 
 
 @contextlib.contextmanager

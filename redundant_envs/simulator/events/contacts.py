@@ -14,17 +14,7 @@ from operator import mul, sub
 from typing import Any, NamedTuple
 
 from redundant_envs.compiler.tracing.ways import branches
-from redundant_envs.language.algebra import (
-    all_of,
-    any_of,
-    cases,
-    logical_not,
-    maximum,
-    minimum,
-    sqrt,
-    total,
-    where,
-)
+from redundant_envs.language.algebra import all_of, any_of, logical_not, maximum, minimum, sqrt, total, where
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.simulator.events.boundary import NEGLIGIBLE_SPEED, side_touched
 from redundant_envs.simulator.events.complementarity import Matrix, halting, impulses, pressed
@@ -233,7 +223,7 @@ def velocity_after(c: Contact, pushes: Sequence[Any], row: Sequence[Any], still:
     """Velocity of a coordinate after impulses, m/s, by its mobilities: exact, without the rounding of the
     impulses, if it is ``still`` or ``pushed`` by its stop."""
     bounced = -c.side * c.restitution * maximum(c.speed, 0.0)
-    return cases((still, 0.0), (pushed, bounced), default=total([c.velocity, *map(mul, pushes, row)]))
+    return where(still, 0.0, where(pushed, bounced, total([c.velocity, *map(mul, pushes, row)])))
 
 
 @branches

@@ -65,9 +65,7 @@ class Boundaries:
         """Let the state of some lanes decide which laws of guards hold."""
         x = self.features.quantities(lane)
         for name, value in self.dynamics.guard_values(x, begins=True).items():
-            side, pull = f"side_{name}", f"pull_{name}"
-            lane[side] = where(here, x[side], lane[side])
-            lane[pull] = where(here, -abs(value), lane[pull])
+            lane.set_where(here, {f"side_{name}": x[f"side_{name}"], f"pull_{name}": -abs(value)})
 
     def note_resolving(self, lane: Lane, resolving: bool) -> None:
         """Note whether contacts are being resolved, so that impulses may change which laws hold."""
@@ -139,8 +137,7 @@ class Boundaries:
         touching = [b.contact(lane, grip, lowest) for b, grip in zip(stops, grips, strict=True)]
         w = symmetric(stops, lambda a, b: a.mobility(lane, b))
         r = contacts.resolve_contacts(lane.impacts, touching, w)
-        for s, value in self._struck(lane, touching, r).items():
-            lane[s] = where(r.strikes, value, lane[s])
+        lane.set_where(r.strikes, self._struck(lane, touching, r))
         results = r.active_stops, r.forces, r.released, r.happened, r.speeds
         for b, side, force, released, happened, speed in zip(stops, *results, strict=True):
             b.resolved(lane, side, force)

@@ -279,8 +279,7 @@ class Guard(Boundary):
 
     def arrive(self, lane: Lane, sought: Any, side: Any, position: Any) -> None:
         passed = sought | (lane[self.pull] > 0.0)
-        lane[self.side] = where(passed, -lane[self.side], lane[self.side])
-        lane[self.pull] = where(passed, -lane[self.pull], lane[self.pull])
+        lane.set_where(passed, {self.side: -lane[self.side], self.pull: -lane[self.pull]})
 
 
 class LateGuard(Guard):

@@ -34,7 +34,9 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
     speeds of :attr:`Features.watched_sliders`.
     """
     dynamics, numbers = features.dynamics, features.known_numbers(lane)
-    start = _start_of_closed_forms(features, lane, numbers)
+    start = lane.values(dynamics.closed)  # with what else closed forms take at the start of the step
+    x = features.quantities_in_step(lane.get(dynamics.states), numbers)
+    dynamics.close(x, noting(dynamics.varying, start))
     count, width = dynamics.count, len(dynamics.states) - len(dynamics.closed)
     states, alone = dynamics.states[:width], dynamics.autonomous
     # What is known before the accelerations of the stage before are comes first.
@@ -76,15 +78,6 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
         dynamics.close(x, closing(start, h, dynamics.varying))
         step.state.extend(x.each(dynamics.closed))
     return step
-
-
-def _start_of_closed_forms(features: Features, lane: Lane, numbers: dict[str, Any]) -> dict[str, Any]:
-    """States in closed form, and what else their forms take, at the start of a step."""
-    dynamics = features.dynamics
-    found = lane.values(dynamics.closed)
-    x = features.quantities_in_step(lane.get(dynamics.states), numbers)
-    dynamics.close(x, noting(dynamics.varying, found))
-    return found
 
 
 def step_error(features: Features, lane: Lane, step: Step) -> Any:
@@ -255,9 +248,7 @@ class CommonStep:
             self._doubt(lane, step, h, moving)
         now = dict(zip(dynamics.states, step.state, strict=True))
         self.features.stiction.keep(lane, lane.values(dynamics.states), now)
-        if moving is not None:
-            now = {s: where(moving, x, lane[s]) for s, x in now.items()}
-        lane.set(now, now.values())
+        lane.set_where(True if moving is None else moving, now)
         for b, watched in zip(self.features.boundaries, step.watched, strict=False):
             lane.set(b.watches, watched[: len(b.watches)])
 

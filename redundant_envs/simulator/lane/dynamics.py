@@ -352,14 +352,14 @@ class Dynamics:
 
 
 @functools.lru_cache(maxsize=64)
-def total_mass(mass: str, parts: tuple[str, ...]) -> Callable[..., Any]:
-    """A mass of the arm with all that it carries."""
+def total_mass(mass: str, parts: tuple[str, ...]) -> Any:
+    """The function that gives a mass of the arm with all that it carries."""
 
+    @physics(gives=mass, takes=parts)
     def total_mass(*masses: Any) -> Any:
         return total(masses)
 
-    made: Callable[..., Any] = physics(gives=mass, takes=parts)(total_mass)
-    return made
+    return total_mass
 
 
 def _components(a: Attached[hooks.Force], field: str, x: Quantities) -> dict[str, Any]:

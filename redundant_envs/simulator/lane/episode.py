@@ -183,8 +183,7 @@ class Episode:
         new = {name: x[source] for name, source in task.updates.items()}
         for t in terms:
             lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
-        for name, value in new.items():
-            lane[name] = value
+        lane.set(new, new.values())
         told = code if task.speed_bound_ends else code + fast
         if self.features.local:
             told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
@@ -192,8 +191,7 @@ class Episode:
         lane.steps = lane.steps + 1.0
         lane.terminated = where(faulty, 1.0, 0.0)
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
-        for name in task.held_outputs:
-            lane[name] = x[name]
+        lane.set(task.held_outputs, x.each(task.held_outputs))
         if "evaluations_sum" in lane:
             lane.evaluations_sum = lane.evaluations_sum + lane.evaluations
         if "events_sum" in lane:
@@ -218,7 +216,9 @@ class Episode:
         for table, element in TABLES.items():
             for k, name in enumerate(self.tables[table]):
                 if name == "beyond_limit":
-                    value = reduce(maximum, self.depths_beyond(lane, x))
+                    limits = spring_limits(self.dynamics.scene)
+                    depths = (depth_beyond(x[f"phi{j + 1}"], lane[a], lane[b]) for j, a, b in limits)
+                    value = reduce(maximum, depths)
                 elif name == "numerics" and self.sensors:  # also for a start whose readings are not finite
                     bad = reads_nonsense(self.dynamics.scene.attached, x) & (lane.numerics == 0.0)
                     value = where(bad, float(Fault.NON_FINITE), lane.numerics)
@@ -226,10 +226,6 @@ class Episode:
                     value = lane[name] if name in memory else x[name]
                 shown[table, element, k, 0] = value > 0.0 if table == "flags" else value
         return shown
-
-    def depths_beyond(self, lane: Lane, x: Quantities) -> Iterator[Any]:
-        for k, low, high in spring_limits(self.dynamics.scene):
-            yield depth_beyond(x[f"phi{k + 1}"], lane[low], lane[high])
 
     # ---- a new episode ---------------------------------------------------------------------------------
 
@@ -252,14 +248,12 @@ class Episode:
         zero += ["next_step"] if "next_step" in lane else []
         zero += [INTERVALS] if self.dynamics.draws else []
         values |= self.dynamics.effect_states.initial
-        for name, value in {**values, **dict.fromkeys(zero, 0.0)}.items():
-            lane[name] = where(lane.resetting, value, lane[name])
+        lane.set_where(lane.resetting, {**values, **dict.fromkeys(zero, 0.0)})
         self.begin_states(lane)
 
     def begin_states(self, lane: Lane) -> None:
         """States of effects whose values at a start are computed, in the lanes that are ``resetting``."""
-        for name, value in self.interval.initial_states(lane).items():
-            lane[name] = where(lane.resetting, value, lane[name])
+        lane.set_where(lane.resetting, self.interval.initial_states(lane))
 
 
 class Randomized:
@@ -322,9 +316,7 @@ class Randomized:
     def prepare(self, lane: Lane) -> None:
         """What follows from the numbers alone, in the lanes that are ``resetting``."""
         parameters = self.dynamics.parameters
-        made = parameters.prepare(lane.values(parameters.values))
-        for name, value in made.items():
-            lane[name] = where(lane.resetting, value, lane[name])
+        lane.set_where(lane.resetting, parameters.prepare(lane.values(parameters.values)))
 
 
 def fixed(name: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 from redundant_envs.compiler.tracing.flow import LaneFunction
 from redundant_envs.compiler.tracing.graph import Graph
 from redundant_envs.compiler.tracing.program import Machine
-from redundant_envs.language.algebra import gives_of, where
+from redundant_envs.language.algebra import gives_of
 from redundant_envs.language.quantities import check_names
 from redundant_envs.simulator.lane import jumps
 from redundant_envs.simulator.lane.boundaries import Boundaries
@@ -100,8 +100,7 @@ class Interval:
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""
-        for name in self.features.kept:
-            lane[name] = where(failed, lane[self.features.origin.format(name)], lane[name])
+        lane.set_where(failed, lane.values(self.features.kept, of=self.features.origin))
 
     def end(self, lane: Lane) -> None:
         """End an interval; a lane that has given it up returns to its state at the start."""

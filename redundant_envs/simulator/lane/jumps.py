@@ -81,11 +81,9 @@ def exchange(features: Features, lane: Lane, before: Quantities) -> None:
 def _jump(features: Features, lane: Lane, x: Quantities, push: Iterable[Any], happens: Any) -> Quantities:
     """Let the velocities jump by M^-1 of a generalized impulse where a condition holds, and let go of sliders
     at rest; the quantities after it."""
-    rates = features.arm.rates
-    jumps = response(features.dynamics, list(push), x)
-    lane.set(rates, [where(happens, lane[v] + dv, lane[v]) for v, dv in zip(rates, jumps, strict=True)])
-    for name in features.active:
-        lane[name] = where(happens, 0.0, lane[name])
+    jumps = zip(features.arm.rates, response(features.dynamics, list(push), x), strict=True)
+    lane.set_where(happens, {v: lane[v] + dv for v, dv in jumps})
+    lane.set_where(happens, dict.fromkeys(features.active, 0.0))
     return features.quantities(lane)
 
 

@@ -62,6 +62,11 @@ class Lane(EngineFields):
         for name, value in zip(names, values, strict=True):
             self[of.format(name)] = value
 
+    def set_where(self, condition: Any, values: Mapping[str, Any]) -> None:
+        """Give fields new values, by their names, where a condition holds."""
+        for name, value in values.items():
+            self[name] = where(condition, value, self[name])
+
     def copy(self, names: Iterable[str], of: str = "{}", to: str = "{}") -> None:
         """Set fields of one form to those of another."""
         names = tuple(names)

@@ -343,12 +343,11 @@ class LaneProgram:
     def shorten(self, lane: Lane) -> None:
         """After an inaccurate step: equal steps begin the interval anew, others begin the step anew."""
         self.control.shorten(lane)
-        if self.control.repeats:
+        repeats = self.control.repeats
+        if repeats:
             self.at_start(lane)
-        lane.step, lane.at_stop = lane.left, False
-        if self.control.repeats:
-            lane.at_stop = self.decides_at_start(lane)
-        self.back_to(lane, "{}_start" if self.control.repeats else "{}_trial")
+        lane.step, lane.at_stop = lane.left, repeats and self.decides_at_start(lane)
+        self.back_to(lane, "{}_start" if repeats else "{}_trial")
 
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""
