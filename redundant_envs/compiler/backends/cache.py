@@ -55,10 +55,8 @@ _warned: set[Path] = set()
 def kernels(
     key: str, names: Sequence[str], program: Callable[[], Program], what: str
 ) -> dict[str, llvm.Entry]:
-    """The kernels of a program in machine code, by name; ``what`` is compiled, says a message.
-
-    Its key is computed before compilation, which changes its graphs.
-    """
+    """The kernels of a program in machine code, by name, under a key from before its compilation, which
+    changes its graphs; ``what`` is compiled, says a message."""
 
     def compiled(how_long: str) -> bytes:
         start = time.perf_counter()
@@ -177,11 +175,8 @@ def _opened(path: Path, flags: int) -> int:
 
 
 def _used(path: Path) -> bytes:
-    """The content of a file, and none if it is not this user's or its checksum is wrong; this counts as a use
-    of the file.
-
-    The checksum detects accidents. Nobody else may write to the folder.
-    """
+    """The content of a file, and none if it is not this user's or its checksum is wrong, which tells
+    accidents: nobody else may write to the folder. This counts as a use of the file."""
     data = b""
     with contextlib.suppress(OSError), open(_opened(path, os.O_RDONLY), "rb") as file:
         data = file.read()

@@ -44,11 +44,8 @@ def object_code(target: Any, module: Any) -> bytes:
 
 
 def _tidy(module: Any, target: Any) -> None:
-    """Put variables of kernels into registers, and remove empty blocks.
-
-    LLVM need not do more: our own passes have done what its pipelines would do for speed, and these gain
-    nothing in twice the time.
-    """
+    """Put variables of kernels into registers, and remove empty blocks. LLVM's pipelines would take twice the
+    time and gain nothing: our own passes have done what they do for speed."""
     builder = llvm.create_pass_builder(target, llvm.create_pipeline_tuning_options())
     passes = llvm.create_new_function_pass_manager()
     passes.add_sroa_pass()

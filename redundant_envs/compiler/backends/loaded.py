@@ -181,10 +181,8 @@ class Loaded(pickle.Pickler):
         return home, function.__qualname__, code, held
 
     def _traces(self, home: str, names: dict[str, Any] | None = None) -> bool:
-        """Whether a module is one of this package that traces, whose names are told then.
-
-        Back ends are left out: they compute what is traced, and trace nothing.
-        """
+        """Whether a module is one of this package that traces, whose names are told then; back ends only
+        compute what is traced."""
         if home.partition(".")[0] != ROOT:
             self._is_own &= _is_known(home)
             return False

@@ -30,10 +30,8 @@ class Output(NamedTuple):
 
 @dataclass
 class LaneFunction:
-    """Straight-line code for a block of lanes, from values of a graph.
-
-    A memory location is a space and a number in it.
-    """
+    """Straight-line code for a block of lanes, from values of a graph; a location is a space and a number in
+    it."""
 
     name: str
     spaces: tuple[str, ...]  # names of the memories of the lanes
@@ -70,11 +68,8 @@ def _operator(name: str, kind: str | None = None, swapped: bool = False) -> Call
 
 @dataclass(eq=False)
 class Scalar:
-    """An instruction of a kernel, which stands for its result.
-
-    The kind is that of a number, or the type of elements of memory whose address it is; an address + n is
-    that of the element n elements on.
-    """
+    """An instruction of a kernel, and its result. The kind is that of a number, or of the elements of memory
+    whose address it is; an address + n is that of the element n elements on."""
 
     kernel: Kernel
     index: int  # of the instruction
@@ -116,10 +111,8 @@ class Variable:
 
 
 class Kernel:
-    """A function that other programs call: its arguments by name, and the tree of its instructions.
-
-    ``lanes`` is the number of lanes of its blocks, in memory and in programs for all of them.
-    """
+    """A function that other programs call: its arguments by name, and the tree of its instructions, for
+    blocks of ``lanes`` in memory."""
 
     def __init__(self, name: str, arguments: Mapping[str, str], lanes: int = LANES) -> None:
         self.name, self.lanes = name, lanes

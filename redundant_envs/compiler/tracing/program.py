@@ -109,10 +109,8 @@ class Machine:
         return float(state.number)
 
     def after(self, request: enum.Enum | None, answered: str, first: bool = False) -> Writes:
-        """What is written by all stretches after a request, where the field ``answered`` is true.
-
-        With ``first`` only the first request of a program counts.
-        """
+        """What is written by all stretches after a request, or after the ``first`` one of a program, where
+        the field ``answered`` is true."""
         lane = self.lane
         lane.begin(self.graphs[request])
         states = [s for s in self.states if s.request is request and (len(s.answers) == 1 or not first)]
@@ -142,9 +140,7 @@ class Machine:
 
 def _without_numbers(value: Any) -> Any:
     """What of a local variable a way may not depend on: all but numbers of lanes, and objects that hold them.
-
-    Without objects, a loop over some would wait at one place for each, as one state that never ends.
-    """
+    Without objects a loop over some would be one state that never ends."""
     if isinstance(value, Traced | Iterator):
         return OnlyNumbers
     if isinstance(value, tuple | list | set | frozenset | dict):

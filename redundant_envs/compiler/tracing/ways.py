@@ -120,10 +120,8 @@ def ending(trees: list[Tree]) -> tuple[Condition, Way, list[Tree]] | None:
 
 
 def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
-    """Run a stretch once for each way, recorded in a graph; ``what`` names it in messages.
-
-    It must do the same as long as its conditions have the same answers.
-    """
+    """Run a stretch, which ``what`` names in messages, once for each way, recorded in a graph. It must do the
+    same as long as its conditions have the same answers."""
     count = itertools.count(1)
 
     def way(ahead: list[bool]) -> Tree:

@@ -37,8 +37,7 @@ def begin_kernel(dynamics: Dynamics) -> Kernel:
 
 @limited()
 def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
-    """A kernel that takes ``efforts`` (lanes, joints) and fills :data:`COLUMNS`. ValueError if the scene has
-    too many operations."""
+    """A kernel from ``efforts`` (lanes, joints) to :data:`COLUMNS`; ValueError for too many operations."""
     interval = Interval(dynamics)
     features = interval.features
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})

@@ -85,8 +85,7 @@ class Blocks:
 
     @property
     def scratch_size(self) -> int:
-        """Count of numbers of the scratch memory: two groups of blocks, and entry and slots with all their
-        fields."""
+        """Count of numbers of the scratch memory: two groups of blocks, and all fields of entry and slots."""
         if not self.interval.features.local:
             return self.width(SCRATCH)
         return 2 * GROUP * self.width(SCRATCH) + 2 * self.buffer_size
@@ -98,8 +97,7 @@ class Blocks:
 
     @property
     def queue_size(self) -> int:
-        """Length of the queue, in whole numbers: the waiting lanes, the homes of entry and slots, and whether
-        to stop."""
+        """Count of whole numbers: the waiting lanes, the homes of entry and slots, and whether to stop."""
         return 1 + (GROUP * self.lanes + 2 * self.lanes if self.interval.features.local else 0)
 
     def stop_if_asked(self) -> None:

@@ -92,10 +92,8 @@ def inside(guess: Any, low: Any, high: Any, otherwise: Any) -> Any:
 
 @branches
 def limits_of_law(side: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
-    """Positions between which a joint keeps the law of a side: 1 above ``upper``, -1 below ``lower``.
-
-    Ranges overlap by twice a margin, so that rounding does not switch the law back and forth.
-    """
+    """Positions between which a joint keeps the law of a side, 1 above ``upper``, -1 below ``lower``: ranges
+    overlap by two margins, so that rounding does not switch the law back and forth."""
     low, high = MARGIN * maximum(abs(lower), 1.0), MARGIN * maximum(abs(upper), 1.0)
     if side > 0.0:
         return upper - high, math.inf
@@ -125,10 +123,8 @@ def starts_at_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, u
 
 
 def leaves_stop(position: Any, velocity: Any, active_stop: Any, lower: Any, upper: Any) -> Any:
-    """Whether a free coordinate starts at a stop and moves away from it.
-
-    It does not come to rest there, however slow it is, unless its speed is rounding.
-    """
+    """Whether a free coordinate starts at a stop and moves away, at any speed that is not rounding: it does
+    not rest there."""
     up = (position >= upper) & (velocity < -NEGLIGIBLE_SPEED)
     down = (position <= lower) & (velocity > NEGLIGIBLE_SPEED)
     return (active_stop == 0.0) & (up | down)

@@ -19,10 +19,8 @@ Matrix = Sequence[Sequence[Any]]
 
 
 def solution(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> list[Any]:
-    """x of w x = b, w symmetric and positive definite: by elimination without pivoting.
-
-    ``unsigned`` is the same except for the signs of two rows and columns, and has the same determinant.
-    """
+    """x of w x = b, w symmetric and positive definite: by elimination without pivoting. ``unsigned`` is w
+    with two rows and columns of other signs, which have the same determinant."""
     if len(b) == 1:
         return [b[0] * (1.0 / w[0][0])]
     if len(b) == 2:
@@ -52,11 +50,9 @@ def outward_mobilities(w: Matrix, sides: Sequence[Any]) -> list[list[Any]]:
 
 
 def impulses(speeds: Sequence[Any], sides: Sequence[Any], w: Matrix, restitution: Sequence[Any]) -> list[Any]:
-    """Impulses at the stops: u+ = -e u for coordinates that moved out, u+ <= 0 for others, and no stop pulls.
-
-    ``speeds`` are outward, ``sides`` those of the stops that the coordinates touch. Exactly one set of struck
-    stops satisfies these conditions.
-    """
+    """Impulses at the stops: u+ = -e u for coordinates that moved out, u+ <= 0 for others, and no stop pulls;
+    exactly one set of struck stops does so. ``speeds`` are outward, ``sides`` those of stops that are
+    touched."""
     n = range(len(speeds))
     outward = outward_mobilities(w, sides)
     at = [s != 0.0 for s in sides]

@@ -161,10 +161,8 @@ def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
 
 
 def would_rest(c: Contact, press: Any) -> Any:
-    """Whether a coordinate at a stop, pressed onto it with an acceleration, bounces less than its lowest.
-
-    With an elastic stop, and without friction, it rests only if its bounce is lost in rounding.
-    """
+    """Whether a coordinate at a stop, pressed onto it with an acceleration, bounces less than its lowest; if
+    the stop is elastic and has no friction, whether its bounce is lost in rounding."""
     if not c.holds:
         return False
     limit = where(c.side > 0.0, c.upper, c.lower)
@@ -228,10 +226,8 @@ def velocity_after(c: Contact, pushes: Sequence[Any], row: Sequence[Any], still:
 
 @branches
 def stop_after(c: Contact, strikes: Any, rests: Any, released: Any, velocity: Any) -> Any:
-    """Side of the stop at which a coordinate of a present velocity rests from now on.
-
-    A coordinate ``strikes`` its stop, or not; this one ``rests`` from now on, or is ``released``.
-    """
+    """Side of the stop at which a coordinate, now with a velocity, rests from now on: some coordinate
+    ``strikes``, and this one comes to rest or is released."""
     if rests:
         return c.side
     if released or (strikes and -c.side * velocity > 0.0):
@@ -240,10 +236,8 @@ def stop_after(c: Contact, strikes: Any, rests: Any, released: Any, velocity: An
 
 
 def released_after(c: Contact, strikes: Any, hit: Any, released: Any, velocity: Any) -> Any:
-    """Whether a coordinate is leaving its stop, and must not come to rest there before it is struck.
-
-    One that stays at rest while another one strikes has not left: it may be pressed onto its stop now.
-    """
+    """Whether a coordinate is leaving its stop, and must not come to rest there before it is struck. One that
+    rests while another strikes has not left: it may be pressed onto its stop now."""
     stands = strikes & (maximum(abs(c.velocity), abs(velocity)) <= NEGLIGIBLE_SPEED)
     return (released | c.released) & logical_not(hit | stands)
 

@@ -38,10 +38,8 @@ class Overshoot(NamedTuple):
 
 
 def may_meet(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
-    """Whether a free coordinate may meet a limit in a step.
-
-    A cheap bound of :func:`excursions`: if q'' >= -A, q exceeds its ends by at most A h^2 / 8.
-    """
+    """Whether a free coordinate may meet a limit in a step, by a cheap bound of :func:`excursions`: it
+    exceeds its ends by at most A h^2 / 8 if q'' >= -A."""
     more = overshoot.between * (s.watched.most - s.watched.least)
     eighth = 0.125 * h * h
     top = maximum(s.start_position, s.position) + eighth * maximum(more - s.watched.least, 0.0)
@@ -51,8 +49,7 @@ def may_meet(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
 
 @branches
 def most_pull(s: BoundedCoordinate, overshoot: Overshoot) -> Any:
-    """Largest force with which the stop of a resting coordinate may have to pull in a step; 0 if it never
-    does."""
+    """Largest force with which the stop of a resting coordinate may have to pull in a step, or 0."""
     if s.free:
         return 0.0
     return maximum(s.watched.most + margins(s.watched, overshoot)[1], 0.0)
@@ -60,12 +57,8 @@ def most_pull(s: BoundedCoordinate, overshoot: Overshoot) -> Any:
 
 @branches
 def acceleration_bounds(s: BoundedCoordinate, overshoot: Overshoot) -> tuple[Any, Any]:
-    """Bounds of an acceleration in a step, from its least and greatest value at the stages.
-
-    The range is widened by the overshoot of a parabola between the stages; but a coordinate that starts at
-    its stop was struck or released there, so its first stage is an end of the range, which is not widened
-    towards that stop.
-    """
+    """Bounds of an acceleration in a step: the range at its stages, widened by the overshoot of a parabola. A
+    coordinate that starts at its stop was struck or released there: the range is not widened towards it."""
     w = s.watched
     down, up = margins(w, overshoot)
     return (
@@ -108,10 +101,8 @@ def may_pass(w: Watched, overshoot: Overshoot) -> Any:
 
 
 def meets_kink(w: Watched, levels: bool, overshoot: Overshoot) -> tuple[Any, Any]:
-    """Whether a quantity passes 0, or with ``levels`` a whole number, in a step: seen at stages, or hidden.
-
-    It may do so between two stages and return; a quantity that starts at 0 and leaves it does not pass it.
-    """
+    """Whether a quantity passes 0, or with ``levels`` a whole number, in a step: seen at stages, or between
+    two of them and back. A quantity that starts at 0 and leaves it does not pass it."""
     down, up = margins(w, overshoot)
     if levels:
         seen = floor(w.least) < floor(w.most)
@@ -182,10 +173,8 @@ def keeps_direction(s: BoundedCoordinate, h: Any, lo: Any, hi: Any) -> Any:
 
 @branches
 def crossing_of(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
-    """How a step meets a boundary: a :class:`Crossing`, with the sign of the side unless it is unclear.
-
-    A velocity that keeps its sign meets a limit once at most, an acceleration that does turns once.
-    """
+    """How a step meets a boundary: a :class:`Crossing`, with the sign of the side unless it is unclear. A
+    velocity that keeps its sign meets a limit once at most, an acceleration that does turns once."""
     lo, hi = acceleration_bounds(s, overshoot)
     above, below = excursions(s, h, lo, hi)
     ends_above, ends_below = s.position > s.upper, s.position < s.lower

@@ -79,10 +79,8 @@ def polynomial(coefficients: Sequence[Any], s: Any) -> Any:
 
 @branches
 def nearer_root(g: Any, slope: Any, low: Any, high: Any, s: Any, new: Any) -> tuple[Any, Any, Any]:
-    """A smaller bracket of a zero, and the next guess: a Newton step if it stays in it, else its middle.
-
-    ``g`` and ``slope`` are of the function at ``s``, from where the Newton step leads to ``new``.
-    """
+    """A smaller bracket of a zero, and the next guess: the Newton step to ``new`` if it stays in it, else the
+    middle. ``g`` and ``slope`` are those at ``s``."""
     low, high = where(g > 0.0, low, s), where(g > 0.0, s, high)
     return low, high, new if slope > 0.0 and new >= low and new <= high else 0.5 * (low + high)
 
@@ -135,10 +133,8 @@ def chord(e: Encounter, h: Any, side: Any, gap: Any) -> tuple[Any, Any]:
 
 @branches
 def first_event(e: Encounter, h: Any, per_h: Any, smooth: bool) -> Event:
-    """The first event of a coordinate in a trial step of length ``h``, with 1 / ``h``.
-
-    ``smooth`` is false for Euler's method, with which the end of a step is quadratic in its length.
-    """
+    """The first event of a coordinate in a trial step of length ``h``, with 1 / ``h``; with Euler's method,
+    which is not ``smooth``, the end of a step is quadratic in its length."""
     s = e.motion
     if s.bounces:
         certain, arrival = arrival_nearby(s, h)

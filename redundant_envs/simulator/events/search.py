@@ -225,10 +225,8 @@ def begun(trial: Trial, aim: Aim) -> Search:
 
 @branches
 def towards_event(search: Search, h: Any, sought: Sought) -> Search:
-    """The search after a trial step of length ``h`` towards an event.
-
-    An end that stays for the second time gets a smaller weight (Anderson and Bjorck 1973).
-    """
+    """The search after a trial step of length ``h`` towards an event; an end that stays for the second time
+    gets a smaller weight (Anderson and Bjorck 1973)."""
     over = sought.gap > 0.0  # the step ends after the event
     weight = 1.0 - sought.gap / where(over, search.gap_high, search.gap_low)
     weight = weight if weight > 0.0 else 0.5
@@ -295,10 +293,8 @@ def next_towards_event(trial: Trial, search: Search, sought: Sought) -> Any:
 
 @branches
 def next_towards_turn(search: Search) -> Any:
-    """Length of the next trial step towards a turn, s, by a chord of speeds.
-
-    The lower end of the bracket takes the place of a guess beyond the upper one.
-    """
+    """Length of the next trial step towards a turn, s, by a chord of speeds; the bracket's lower end if that
+    leads beyond the upper one."""
     low, high = search.low, search.high
     guess = low + (high - low) * (search.gap_low / (search.gap_low + search.gap_high))
     if not guess > low:
@@ -377,10 +373,8 @@ def others_near(trial: Trial, sought: Sought) -> list[Any]:
 
 
 def ends_at_event(trial: Trial, before: Search, after: Search, sought: Sought, possible: Any) -> Any:
-    """Whether a trial step ends at the event: at the limit, or just after the stop would begin to pull.
-
-    The search is given before and after it, and whether a last piece to the stop is ``possible``.
-    """
+    """Whether a trial step ends at the event: at the limit, also after a last piece if one is ``possible``,
+    or just after the stop would begin to pull."""
     gap, narrow = sought.gap, after.is_narrow(trial.left)
     late = gap * (trial.h - before.low) <= sought.late * trial.left * (gap - before.gap_low)
     # A coordinate that is distinguishable from its limit at the end of the bracket has not arrived.

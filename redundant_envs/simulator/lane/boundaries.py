@@ -100,10 +100,8 @@ class Boundaries:
                 lane[name] = where(held, of(lane[name], now), lane[name])
 
     def release(self, lane: Lane) -> None:
-        """Before a common step: release sliders whose stops would have to pull them.
-
-        It also notes the mobilities of the others, which say how far such a pull may move one in the step.
-        """
+        """Before a common step: release sliders whose stops would have to pull them, and note the mobilities
+        of the others, which say how far such a pull may move one in the step."""
         x, holding = self.quantities(lane), self.features.holding
         lowest = self.features.bounces.lowest(lane)
         resting = [b.resting(lane, x[f"hold{b.number}"], lowest) for b in holding]

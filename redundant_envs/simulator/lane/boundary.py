@@ -165,8 +165,7 @@ class Joint:
         return [(k, float(-s / row[self.index])) for k, s in enumerate(row) if s != 0.0 and k != self.index]
 
     def own_value(self, value: Any, others: Any, names: Sequence[str]) -> Any:
-        """Value of its coordinate from that of the joint, a position or a rate, and those of other
-        coordinates, by ``names``."""
+        """Its coordinate's position or rate, from its own and those of other coordinates, by ``names``."""
         return total([value, *(times(share, others[names[k]]) for k, share in self.others())])
 
 

@@ -28,11 +28,8 @@ SMALLEST_STATE = 1e-300
 
 
 def lane_step(features: Features, lane: Lane, h: Any) -> Step:
-    """A step of length ``h``.
-
-    It watches, in this order: the coordinates of boundaries, values that change their signs at kinks, and
-    speeds of :attr:`Features.watched_sliders`.
-    """
+    """A step of length ``h``, which watches, in this order, the coordinates of boundaries, values that change
+    their signs at kinks, and speeds of :attr:`Features.watched_sliders`."""
     dynamics, numbers = features.dynamics, features.known_numbers(lane)
     start = lane.values(dynamics.closed)  # with what else closed forms take at the start of the step
     x = features.quantities_in_step(lane.get(dynamics.states), numbers)

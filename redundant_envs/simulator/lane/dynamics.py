@@ -153,8 +153,7 @@ class Dynamics:
         return {k: v for a in self._autonomous for k, v in a.changes("derivative", x).items()}
 
     def guard_values(self, x: Quantities, begins: bool = False) -> dict[str, Any]:
-        """Values of guards by the names of their boundaries; where an interval ``begins``, they decide about
-        the sides in ``x``."""
+        """Values of guards by their boundaries; where an interval ``begins``, they set the sides in ``x``."""
         found: dict[str, Any] = {}
         for a in self.scene.attached.along(x, self.guarded):
             if a in self.guarded:
@@ -277,9 +276,7 @@ class Dynamics:
 
     def accelerations(self, x: Quantities, close: Closing | None = None) -> list[Any]:
         """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces.
-
-        With ``close`` states are in closed form; otherwise their rates of change are the last ones.
-        """
+        Without ``close``, which gives states their closed forms, their rates of change are the last ones."""
         joints = range(self.count)
         self.set_field(x)
         effort, changes = self.efforts(x, "derivative", close)

@@ -13,10 +13,8 @@ from redundant_envs.simulator.lane.fields import EngineFields, Layout, Lifetime
 
 
 class Lane(EngineFields):
-    """One lane, or many alike: fields are read and set as attributes, or by ``lane[name]``.
-
-    Reading a field that was set returns the new value. ``load`` returns its value before, by its name.
-    """
+    """One lane, or many alike: fields are read and set as attributes, or by ``lane[name]``. A field has the
+    value that was set last, or, before it is set, that of ``load`` by its name."""
 
     __slots__ = ("_layout", "_load", "_now", "_written")
 

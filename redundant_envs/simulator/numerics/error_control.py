@@ -46,11 +46,8 @@ def tip_weight(norm: Any, reach: Any, tip_tolerance: Any) -> Any:
 
 
 def rounding_scale(before: Any, after: Any, strikes: bool) -> Any:
-    """Reciprocal of the error that dop853 allows for a coordinate or velocity in a step: near rounding.
-
-    If sliders may strike their stops it allows a hundredth of that: a hundred elastic impacts in an interval
-    multiply an error by thousands.
-    """
+    """Reciprocal of the error that dop853 allows for a coordinate or velocity in a step: near rounding, or a
+    hundredth of that if sliders may strike: a hundred elastic impacts multiply an error by thousands."""
     scale = 1.0 / (1e-14 + 1e-13 * maximum(abs(before), abs(after)))
     return 100.0 * scale if strikes else scale
 
@@ -93,10 +90,8 @@ NEVER_SEEN = 1e300
 
 @branches
 def steps_for_error(failed: Any, error: Any, tip_tolerance: Any) -> Any:
-    """Number of steps that the error of a single step calls for; 1 if that did not fail.
-
-    The estimate falls like n^-7, and that of a single step predicts little beyond 64 steps.
-    """
+    """Number of steps that the error of a single step calls for, or 1 if that did not fail. The estimate
+    falls like n^-7, and that of a single step predicts little beyond 64 steps."""
     if not failed:
         return 1.0
     for k in range(6, 0, -1):
@@ -153,10 +148,8 @@ def confirmed(c: Crossed) -> Any:
 
 @branches
 def growth_over_pieces(steps: Any, impacts: Any) -> Any:
-    """Factor by which an error may have grown over the pieces of an interval with so many steps.
-
-    With one or two it is that of an interval without instants, whose growth estimates leave room for.
-    """
+    """Factor by which an error may have grown over the pieces of an interval with so many steps; 1 with one
+    or two, as without instants, for whose growth estimates leave room."""
     if impacts >= SOME_IMPACTS:
         return math.inf
     if steps <= 2.0:

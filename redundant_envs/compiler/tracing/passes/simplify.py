@@ -14,11 +14,9 @@ from redundant_envs.compiler.tracing.graph import COMPARISONS, Operation, Value,
 
 
 def join_products(results: list[Value], asides: Container[int] = ()) -> None:
-    """Join products that are used once with the sum they go into.
-
-    Of two products the one that is computed later is joined. ``asides`` are the indices of results whose uses
-    do not count, so that the other results have the same bits as without them.
-    """
+    """Join products that are used once with the sum they go into; of two products the one that is computed
+    later. Uses of the results with the indices ``asides`` do not count, so that others have the same bits
+    without them."""
     if asides:
         _join([r for k, r in enumerate(results) if k not in asides])
     _join(results)
@@ -56,11 +54,8 @@ def _join(results: list[Value]) -> None:
 
 
 def specialise(results: list[Value], known: Mapping[tuple[str, int], float]) -> list[Value]:
-    """The results if some memory locations (space, number) hold known numbers: values never chosen are
-    dropped.
-
-    Joined products stay joined, so the bits are those of the whole function with these numbers.
-    """
+    """The results if some locations (space, number) hold known numbers, without values that are never chosen.
+    Joined products stay joined, so the bits are those of the whole function with these numbers."""
     if not known:
         return results
     made: dict[Operation, Value | bool] = {}

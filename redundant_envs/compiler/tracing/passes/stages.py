@@ -137,11 +137,8 @@ class Stages:
         return later, carried, _replaced(carried, load_shared), [*shared]
 
     def in_order(self, results: Iterable[Value]) -> list[Operation]:
-        """Operations that some results of the caller need, with sums for the next call before the present
-        one.
-
-        These fill its waiting times; sums for later calls would fill the registers.
-        """
+        """Operations that some results of the caller need. Sums for the next call come before the present
+        one, to fill its waiting times; sums for later calls would fill the registers."""
         nodes = reached(results)
         calls = {c: i for i, c in enumerate(self.calls)}
         # Calls that must be done before an operation, and calls before it is needed.
