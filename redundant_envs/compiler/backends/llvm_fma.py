@@ -68,8 +68,7 @@ def rounded_once(module: ir.Module, lanes: int, checked: bool) -> ir.Function:
     odd = b.add(rest_bits, b.select(b.and_(inexact, even), step, same(0, whole)))
     result = b.fadd(highest, b.bitcast(odd, numbers))
     # A zero would lose its sign; sums of infinities are not defined.
-    usual = b.fcmp_ordered("!=", result, same(0.0))
-    b.ret(b.select(usual, result, b.fadd(product, c)))
+    b.ret(b.select(b.fcmp_ordered("!=", result, same(0.0)), result, b.fadd(product, c)))
     return function
 
 

@@ -388,8 +388,7 @@ def _emit_outputs(
             continue
         base = bases[output.array]
         if output.column:
-            stride = bases[f"{output.array}_stride"]
-            base = builder.gep(base, [builder.mul(stride, integer(output.column))])
+            base = builder.gep(base, [builder.mul(bases[f"{output.array}_stride"], integer(output.column))])
         builder.store(value, address(builder, base, 0, vector), align=1)
     for array, columns in tables.items():
         _emit_lines(builder, bases[array], [columns[k] for k in range(len(columns))], vectors.lanes)

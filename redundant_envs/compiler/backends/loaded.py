@@ -78,8 +78,7 @@ class Loaded(pickle.Pickler):
         self._functions: list[FunctionType] = []
         self._caches: list[Callable[[], None]] = []
         self._is_own = True
-        about = "\0".join((sys.version, platform.machine(), np.__version__))
-        digest = hashlib.sha256(about.encode())
+        digest = hashlib.sha256("\0".join((sys.version, platform.machine(), np.__version__)).encode())
         self._traces(maker)
         for names in self._modules:
             try:

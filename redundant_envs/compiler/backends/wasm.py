@@ -30,8 +30,7 @@ def module(program: Program) -> bytes:
     """A program of the lanes of :data:`~redundant_envs.compiler.backends.processors.WASM` as a module that
     exports its kernels, which take the address of a frame as those of other back ends do."""
     with llvm.target(WASM):
-        code = llvm.object_code(program)
-    made = linked(code, [kernel.name for kernel in program.kernels])
+        made = linked(llvm.object_code(program), [kernel.name for kernel in program.kernels])
     section = _text(IDENTITY) + hashlib.sha256(made).hexdigest().encode()
     return made + bytes([CUSTOM]) + _leb(len(section)) + section
 

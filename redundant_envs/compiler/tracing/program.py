@@ -56,9 +56,8 @@ class Machine:
         self._found: dict[Any, tuple[WaitingPoint, Any]] = {}
         for state in self.states:  # grows while it is explored
             graph = self.graphs.setdefault(state.request, Graph(whole))
-            run = functools.partial(self._run, state)
             name = "the beginning" if state.request is None else f"the stretch after {state.request.name}"
-            self.ways[state.number] = every_way(graph, run, name)
+            self.ways[state.number] = every_way(graph, functools.partial(self._run, state), name)
 
     def _run(self, state: WaitingPoint, ways: Ways) -> Writes:
         """One way of the stretch after a state."""

@@ -134,8 +134,7 @@ def every_way(graph: Graph, run: Callable[[Ways], Any], what: str) -> Tree:
         with setting(deciding, ways.answer):
             tree: Tree = Way(run(ways))
         for k in reversed(range(len(ahead), len(ways.taken))):
-            other = way([*(answer for _, answer in ways.taken[:k]), False])
-            tree = Fork(ways.taken[k][0], tree, other)
+            tree = Fork(ways.taken[k][0], tree, way([*(answer for _, answer in ways.taken[:k]), False]))
         return tree
 
     return way([])

@@ -63,8 +63,7 @@ class Blocks:
 
     def __init__(self, p: Kernel, interval: Interval, layout: Layout) -> None:
         self.p, self.interval, self.layout = p, interval, layout
-        self.lanes = p.lanes
-        """Lanes of a block."""
+        self.lanes = p.lanes  # of a block
         self.shift = p.lanes.bit_length() - 1  # their number is a power of two
         self.functions: dict[str, LaneFunction] = {}
         self.reads: dict[str, set[tuple[str, int]]] = {}  # memory rows that each function loads

@@ -129,10 +129,8 @@ class EnvironmentKernel:
         """Compute again what states of effects are at the start, in lanes that begin an episode."""
         p = self.p
         self._clear(block)
-        with p.each(block.lanes) as k:
-            begins = p.load(p["episode_keys"], self._flag(block.first + k)) != 0
-            with p.when(begins):
-                self.blocks.store(block.pointers, k, "resetting", 1.0)
+        with p.each(block.lanes) as k, p.when(p.load(p["episode_keys"], self._flag(block.first + k)) != 0):
+            self.blocks.store(block.pointers, k, "resetting", 1.0)
         p.call(self.begun, **block.pointers)
 
     def reset(self, block: Block) -> None:
@@ -148,8 +146,7 @@ class EnvironmentKernel:
         """The draws of a lane's next episode, from its key and nothing else."""
         p = self.p
         key = [p.load(p["episode_keys"], (block.first + k) * EPISODE_KEY + w) for w in range(KEY_WORDS)]
-        streams = [((0, 0), self.episode.draws), *self.episode.randomized.streams()]
-        for (first, second), draws in streams:
+        for (first, second), draws in [((0, 0), self.episode.draws), *self.episode.randomized.streams()]:
             for group in range(0, len(draws), WORDS):
                 words = philox(key[:2], [first + group // WORDS, second, key[2], key[3]])
                 for name, word in zip(draws[group : group + WORDS], words, strict=False):

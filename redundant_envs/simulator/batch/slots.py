@@ -202,8 +202,7 @@ class Slots:
             with p.each_set(self.free.value) as slot:
                 self.fill(slot)
             self.trial()
-            complete = self.blocks.mask(self.slots.pointers, "complete")
-            with p.each_set(complete) as slot:
+            with p.each_set(self.blocks.mask(self.slots.pointers, "complete")) as slot:
                 self.leave(slot, first)
 
     def common_step(self, block: Block) -> None:
@@ -339,8 +338,7 @@ class Slots:
         self, names: Sequence[str], seats: LaneBuffer, seat: Scalar, source: Any, lane: Scalar
     ) -> None:
         """Copy fields of a lane to a seat, and its parameters unless all lanes share them."""
-        fields = self.layout.fields.items()
-        numbers = [n for n, f in fields if f.lifetime is PARAMETER and not f.at_reset]
+        numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER and not f.at_reset]
         self._copy(names, seats.pointers, seat, source, lane)
         with self.p.when(~self.shared):
             self._copy(numbers, seats.pointers, seat, source, lane)

@@ -26,8 +26,7 @@ def solution(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> lis
     if len(b) == 2:
         m = w if unsigned is None else unsigned
         per_det = 1.0 / (m[0][0] * m[1][1] - m[0][1] * m[0][1])
-        first = (w[1][1] * b[0] - w[0][1] * b[1]) * per_det
-        return [first, (w[0][0] * b[1] - w[0][1] * b[0]) * per_det]
+        return [(w[1][1] * b[0] - w[0][1] * b[1]) * per_det, (w[0][0] * b[1] - w[0][1] * b[0]) * per_det]
     share = [row[0] * (1.0 / w[0][0]) for row in w]
     rest = [[w[i][j] - share[i] * w[0][j] for j in range(1, len(b))] for i in range(1, len(b))]
     x = solution(rest, [b[i] - share[i] * b[0] for i in range(1, len(b))])

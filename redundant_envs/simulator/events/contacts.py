@@ -151,10 +151,9 @@ def leaving(contacts: Sequence[Contact], w: Matrix) -> list[Any]:
     """Coordinates at rest whose stops would have to pull, if every other one rests, too, or is at no stop."""
     modes, forces = [c.active_stop for c in contacts], [c.force for c in contacts]
     free = [-mode * total(map(mul, row, forces)) for mode, row in zip(modes, w, strict=True)]
-    stays = pressed(free, modes, w)
     all_rest = all_of(c.resting for c in contacts) & any_of(c.pulled for c in contacts)
     result = []
-    for c, stay in zip(contacts, stays, strict=True):
+    for c, stay in zip(contacts, pressed(free, modes, w), strict=True):
         alone = c.pulled & all_of(other.side == 0.0 for other in contacts if other is not c)
         result.append((all_rest & logical_not(stay)) | (logical_not(all_rest) & alone))
     return result

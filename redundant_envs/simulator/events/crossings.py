@@ -95,8 +95,7 @@ def may_pass(w: Watched, overshoot: Overshoot) -> Any:
     the last value of one that only gets to 0.
     """
     size, ends = w.most - w.least, maximum(w.first, w.last)
-    nearly = -ends <= NEARLY_0 * size
-    at_ends = ends if nearly else ends + overshoot.at_ends * size
+    at_ends = ends if -ends <= NEARLY_0 * size else ends + overshoot.at_ends * size
     return maximum(at_ends, w.inner) > ROUNDING * size
 
 

@@ -151,8 +151,7 @@ def hides_passage(trial: Trial, e: Encounter, overshoot: Overshoot) -> Any:
         return False
     if not e.pull > 0.0:
         return may_hide_event(trial, e, overshoot)
-    long = trial.h > TIMES_LATE * e.late * trial.left
-    return passes_within(e.motion.watched) & long
+    return passes_within(e.motion.watched) & (trial.h > TIMES_LATE * e.late * trial.left)
 
 
 def earliest_event(trial: Trial) -> Aim:

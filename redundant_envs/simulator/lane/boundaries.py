@@ -22,7 +22,6 @@ class Boundaries:
     def __init__(self, features: Features, pieces: Whole) -> None:
         self.features, self.dynamics, self.pieces = features, features.dynamics, pieces
         self.impulses_change_laws = bool(features.dynamics.guarded and features.stops)
-        """Whether impulses at stops may change the signs of guards."""
 
     def record_crossings(self, lane: Lane, origin: str, h: Any) -> None:
         """How a step of length ``h`` meets the boundaries."""
@@ -124,8 +123,7 @@ class Boundaries:
 
     def decide(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, and then which joints stick; whether the motion goes on."""
-        settled = self.resolve(lane) if self.features.stops else True
-        return self.features.stiction.decide(lane, settled)
+        return self.features.stiction.decide(lane, self.resolve(lane) if self.features.stops else True)
 
     def resolve(self, lane: Lane) -> Any:
         """Resolve the contacts of a lane once, by impulses, rest and release; whether the motion goes on."""

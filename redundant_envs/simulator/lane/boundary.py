@@ -144,8 +144,7 @@ class Joint:
         self.coordinate, self.rate = arm.coordinates[index], arm.rates[index]
         self.shares: list[float] = arm.motor_map[:, index].tolist()
         """Generalized forces of a unit force of its motor."""
-        pairs = zip(arm.coordinates, self.shares, strict=True)
-        self.coordinates = [q for q, share in pairs if share != 0.0]
+        self.coordinates = [q for q, share in zip(arm.coordinates, self.shares, strict=True) if share != 0.0]
         """The coordinates from which its position follows."""
 
     def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:

@@ -136,8 +136,7 @@ def departure(features: Features, lane: Lane) -> Any:
         passed = (lane[b.pull] > 0.0) | (lane.target == float(k))
         others |= b.other_law(lane, passed)
     laws = (features.quantities_in_step(states, known) for known in (numbers, others))
-    slopes = map(dynamics.accelerations, laws)
-    apart = [abs(one - other) for one, other in zip(*slopes, strict=True)]
+    apart = [abs(one - other) for one, other in zip(*map(dynamics.accelerations, laws), strict=True)]
     speed = total(w * a for w, a in zip(tip_weights(features, lane), apart, strict=False))
     shares = []
     for k, name in enumerate(dynamics.effect_states.integrated):
@@ -230,8 +229,7 @@ class CommonStep:
         if self.dynamics.bounds_late_switch:
             lane.departure = departure(self.features, lane)
         lane.due = lane.moving
-        stages = float(self.dynamics.method.stages)
-        lane.evaluations = lane.evaluations + where(lane.moving, stages, 0.0)
+        lane.evaluations = lane.evaluations + where(lane.moving, float(self.dynamics.method.stages), 0.0)
 
     def _set_step(self, lane: Lane, h: Any, moving: Any) -> None:
         """The fields of a step; the state of lanes that are not ``moving`` stays."""
@@ -253,8 +251,7 @@ class CommonStep:
         """Record whether the error of a step may exceed its estimate."""
         features, levels = self.features, levels_of(self.features.kinks)
         watched = step.watched[len(features.boundaries) :]
-        kinks = zip(watched, levels, strict=False)
-        met = [crossings.meets_kink(*kink, features.overshoot) for kink in kinks]
+        met = [crossings.meets_kink(*kink, features.overshoot) for kink in zip(watched, levels, strict=False)]
         hidden = [unseen for _, unseen in met]
         crossed = [seen for seen, _ in met] + hidden
         doubts = []
@@ -332,8 +329,7 @@ class CommonStep:
         # Local steps do not help lanes whose state or effort is not finite.
         motion = lane.get(self.dynamics.states[: 2 * self.dynamics.count], of="{}_start")
         defect = self.defect([*motion, *lane.get(self.dynamics.commands)])
-        leaves = (defect == 0.0) & self.pieces.goes_on(lane)
-        lane.reason = where(leaves, reason, Reason.NONE)
+        lane.reason = where((defect == 0.0) & self.pieces.goes_on(lane), reason, Reason.NONE)
         # Poison every state: some were never advanced, and others hold results that depend on neighbours.
         for s in self.dynamics.states:
             lane[s] = where(defect == 0.0, lane[s], defect)

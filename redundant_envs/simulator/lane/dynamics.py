@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -69,7 +70,6 @@ class Dynamics:
         self.draws: Mapping[str, Draw] = attached.draws
         """Draws of effects' states, by the names of their quantities."""
         self.draw_fields = (*DRAW_KEY, INTERVALS) if self.draws else ()
-        """Fields from which draws follow; none in a scene without draws."""
 
         # ---- laws, and joints that stick
         self.guarded = tuple(a for a in attached if a.guards) if self.locates_laws else ()
@@ -271,8 +271,7 @@ class Dynamics:
         attached, steady = self.scene.attached, self.parameters.steady_field
         known = steady[0] in self.parameters.prepared
         constant = x.each(steady) if known else field_of(attached.constant_fields, x)
-        moving = field_of(attached.moving_fields, x)
-        x["ax"], x["ay"] = (a + b for a, b in zip(constant, moving, strict=True))
+        x["ax"], x["ay"] = map(operator.add, constant, field_of(attached.moving_fields, x))
 
     def accelerations(self, x: Quantities, close: Closing | None = None) -> list[Any]:
         """Accelerations, rates of change of effects' states, and the power; ``x`` then has the forces.

@@ -125,8 +125,7 @@ class Episode:
     def quantities_now(self, lane: Lane) -> Quantities:
         """The same after an interval."""
         states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
-        names = (*states, *self.task.memory, *self.actions)
-        return self.quantities(lane, {n: lane[n] for n in names})
+        return self.quantities(lane, lane.values((*states, *self.task.memory, *self.actions)))
 
     # ---- a control step --------------------------------------------------------------------------------
 
@@ -205,7 +204,7 @@ class Episode:
         """Observations, from readings of sensors, and outputs: functions of the state and the goal alone."""
         memory = (*self.task.memory, *self.counts, *self.held_outputs, *self.drawn)
         states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
-        known = {n: lane[n] for n in (*states, *self.task.memory)}
+        known = lane.values((*states, *self.task.memory))
         x = self.quantities(lane, known)
         read = measured(self.dynamics.scene.attached, self.arm, x)
         seen = self.quantities(lane, {**known, **read}) if read else x

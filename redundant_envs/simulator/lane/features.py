@@ -56,7 +56,6 @@ class Features:
         self.guards: tuple[boundary.Guard, ...] = (*own, *self.sticking)
         """Guards that are located, and joints that stick and slip, which always are."""
         self.bounded: tuple[boundary.Bounded, ...] = (*self.stops, *self.laws)
-        """Boundaries of coordinates."""
         self.boundaries: tuple[boundary.Boundary, ...] = (*self.bounded, *self.guards)
         """Boundaries at which the motion has events; guards come last."""
         self.sides = (*(b.side for b in self.laws), *(b.side for b in self.guards))
@@ -68,19 +67,16 @@ class Features:
         equal = Control.FIXED if self.scene.tolerance is None else Control.EQUAL
         self.control = Control.ADAPTIVE if self.scene.integrator == "dop853" else equal
         self.local = self.resolves or controlled
-        """Whether lanes may take local steps."""
         self.counts_evaluations = self.local or bool(attached.instants)
         """Whether lanes may need different numbers of evaluations."""
         self.repeats_common_step = bool(attached.instants) or (not controlled and self.scene.substeps > 1)
-        """Whether an interval has several common steps."""
         repeats = self.repeats_common_step or bool(attached.of(Impulse))
         self.origin = "{}_interval" if self.local and repeats else "{}_start"
         """Form of the fields that hold a lane's values at the start of the interval."""
         self.rests = tuple(j.rest for j in self.sticking)
         """Fields of the positions at which joints stick."""
         count = (INTERVALS,) if dynamics.draws else ()
-        states = (*dynamics.states, *dynamics.effect_states.updated, *count)
-        self.kept = (*states, *self.active, *self.rests)
+        self.kept = (*dynamics.states, *dynamics.effect_states.updated, *count, *self.active, *self.rests)
         """Fields that are kept at the start of an interval, and restored when it is given up."""
         self.log = EventLog(several=not controlled) if self.stops and dynamics.track_work else NoLog()
         self.counted = (*(["impacts"] if self.stops else []), *self.log.counted)
@@ -176,6 +172,5 @@ class Features:
     def pulls(self, x: Quantities, held: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Values of guards by the names of their boundaries, positive where the present law does not hold any
         more; see :meth:`StickingJoint.pull_of`."""
-        values = self.dynamics.guard_values(x)
-        found = {name: -(x[f"side_{name}"] * value) for name, value in values.items()}
+        found = {name: -(x[f"side_{name}"] * value) for name, value in self.dynamics.guard_values(x).items()}
         return found | {b.name: b.pull_of(x, held) for b in self.sticking}

@@ -121,9 +121,8 @@ class Interval:
         The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
         """
         self.declare_program(layout)
-        lane = TracedLane(layout, Graph())
         made: dict[Any, LaneFunction] = {}
-        machine = Machine(self.program.cross, lane, Request, whole)
+        machine = Machine(self.program.cross, TracedLane(layout, Graph()), Request, whole)
         for request, answered in ANSWERED.items():
             if request not in machine.graphs:
                 continue

@@ -33,8 +33,7 @@ def strike(features: Features, lane: Lane, happens: Mapping[str, Any] | None = N
             components = tuple(where(happens[a.passed], p, 0.0) for p in components)
         for rate, p in zip(a.hook.rates, components, strict=True):
             pushes[rate] = pushes[rate] + p if rate in pushes else p
-        slopes = _slopes(dynamics, a.hook.joint, x)
-        for row, p in zip(slopes, components, strict=True):
+        for row, p in zip(_slopes(dynamics, a.hook.joint, x), components, strict=True):
             at_coordinates = [q + slope * p for q, slope in zip(at_coordinates, row, strict=True)]
     struck = any_of(logical_not(p == 0.0) for p in pushes.values())
     after = _jump(features, lane, x, at_coordinates, struck)
@@ -74,8 +73,7 @@ def exchange(features: Features, lane: Lane, before: Quantities) -> None:
         old, new = ([q[f"vx{k}"], q[f"vy{k}"]] for q in (before, after))
         kinetic = -0.5 * (gain * _dot(old, new) + loss * _dot(old, old))
         potential = (gain - loss) * (ax * before[f"x{k}"] + ay * before[f"y{k}"])
-        changed = logical_not(gain == loss)
-        lane.work = where(changed, lane.work + (kinetic + potential), lane.work)
+        lane.work = where(logical_not(gain == loss), lane.work + (kinetic + potential), lane.work)
 
 
 def _jump(features: Features, lane: Lane, x: Quantities, push: Iterable[Any], happens: Any) -> Quantities:
@@ -89,9 +87,8 @@ def _jump(features: Features, lane: Lane, x: Quantities, push: Iterable[Any], ha
 
 def _slopes(dynamics: Dynamics, joint: int | Point, x: Quantities) -> list[list[Any]]:
     """Derivatives of a joint's position, or of both coordinates of a point, by the coordinates of the arm."""
-    n = range(dynamics.count)
     if isinstance(joint, Point):
-        return [[x[f"{axis}{joint.number + 1}{j + 1}"] for j in n] for axis in "XY"]
+        return [[x[f"{axis}{joint.number + 1}{j + 1}"] for j in range(dynamics.count)] for axis in "XY"]
     return [dynamics.arm.motor_map[:, joint].tolist()]
 
 

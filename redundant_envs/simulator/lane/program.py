@@ -197,8 +197,7 @@ class LaneProgram:
         met = [*zip(features.boundaries, encounters, strict=True)]
         events = [b.first_event(e, lane.step) for b, e in met]
         encounters = [b.settled(lane, e) for b, e in met] if settled else encounters
-        impacts = features.bounces.impacts_since_start(lane)
-        known = lane.step, lane.left, lane.interval, impacts
+        known = lane.step, lane.left, lane.interval, features.bounces.impacts_since_start(lane)
         return Trial(*known, encounters, events, self.dynamics.bounds_late_switch, features.stiction.node)
 
     def hides(self, rule: Callable[..., Any], trial: Trial) -> Any:

@@ -70,8 +70,7 @@ class StickingJoint(Guard):
         return where(lane[self.side] == 0.0, least, maximum(least, late))
 
     def encounter(self, lane: Lane, number: float) -> Encounter:
-        steepness = -(lane[self.side] * lane[self.alpha])
-        return super().encounter(lane, number)._replace(steepness=steepness)
+        return super().encounter(lane, number)._replace(steepness=-(lane[self.side] * lane[self.alpha]))
 
     def other_law(self, lane: Lane, passed: Any) -> dict[str, Any]:
         return {}

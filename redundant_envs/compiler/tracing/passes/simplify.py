@@ -49,8 +49,7 @@ def _join(results: list[Value]) -> None:
                 else:
                     a = negative(a)
             node.name, node.arguments = "fma", [a, b, c]
-        ready = (known.get(a, 0) for a in node.operands)
-        known[node] = max(ready, default=0) + node.latency
+        known[node] = max((known.get(a, 0) for a in node.operands), default=0) + node.latency
 
 
 def specialise(results: list[Value], known: Mapping[tuple[str, int], float]) -> list[Value]:

@@ -89,8 +89,7 @@ class Stages:
             sources[k] = graph.load("given", k)
         for j, k in enumerate(kept):
             sources[k] = graph.load("kept", j)
-        numbers = [Number(graph, x) for x in sources]
-        results = [value_of(r) for r in self.subroutine.function(*numbers)]
+        results = [value_of(r) for r in self.subroutine.function(*(Number(graph, x) for x in sources))]
         join_products(results, self.subroutine.asides)
         results = specialise(results, known)
         needed = {n.extra[1] for n in reached(results) if n.name == "load" and n.extra[0] == "kept"}
