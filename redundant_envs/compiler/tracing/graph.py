@@ -135,11 +135,8 @@ RIGHT = {*LEFT, ("-", bits_of(0.0)), ("/", bits_of(1.0))}
 
 
 class Graph:
-    """Records operations; equal operations are recorded once.
-
-    If it is ``whole``, sines and exponentials are operations, for an interpreter; otherwise they are recorded
-    as the operations that compute them, so that every machine has the same bits.
-    """
+    """Records operations, equal ones once. Sines and exponentials are operations if it is ``whole``, for an
+    interpreter, and otherwise what computes them, so that every machine has the same bits."""
 
     def __init__(self, whole: bool = False) -> None:
         self.whole = whole

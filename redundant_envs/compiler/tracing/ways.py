@@ -230,12 +230,9 @@ def same(a: Any, b: Any) -> bool:
 
 
 def merged_fields(tree: Tree, fields: dict[str, list[Any]]) -> dict[str, Any]:
-    """Of the numbers of several fields in all leaves of a tree, those of the way that is taken.
-
-    Fields that are equal in the same ways are merged alike, in the form that needs fewer operations: a
-    selection at each fork, or one for each different number but one, by the condition that its ways are
-    taken, which all these fields share.
-    """
+    """Of the numbers of several fields in all leaves of a tree, those of the way that is taken. Fields that
+    are equal in the same ways are merged alike, in the form that needs fewer operations: a selection at each
+    fork, or one for each different number but one, by shared conditions that its ways are taken."""
     alike: dict[Any, list[str]] = {}
     for name, values in fields.items():
         first: dict[Any, int] = {}

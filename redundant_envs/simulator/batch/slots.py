@@ -28,10 +28,8 @@ class LaneBuffer(NamedTuple):
 
 class Slots:
     """Local time stepping: lanes that the common step does not serve go through slots, a block at a time.
-
-    Where there are boundaries, lanes first enter a block in front of the slots, in which all of them
-    begin their programs at once: slots become free one by one.
-    """
+    Lanes with boundaries first begin their programs together in a block in front: slots become free
+    singly."""
 
     def __init__(self, blocks: Blocks, ends: Ends) -> None:
         self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval

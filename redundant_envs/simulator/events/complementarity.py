@@ -82,11 +82,8 @@ def halting(velocities: Sequence[Any], still: Sequence[Any], w: Matrix) -> list[
 
 
 def pressed(accelerations: Sequence[Any], sides: Sequence[Any], mobilities: Matrix) -> list[Any]:
-    """Which of the coordinates at rest at stops of some sides are pressed onto them.
-
-    ``accelerations`` are the outward ones that the coordinates would have without stops. There is exactly one
-    set of pressing stops with which no stop pulls and no coordinate moves into a stop.
-    """
+    """Which of the coordinates at rest at stops of some sides are pressed onto them, from the outward
+    ``accelerations`` without stops: in exactly one set no stop pulls and no coordinate moves into one."""
     count, w = len(accelerations), outward_mobilities(mobilities, sides)
     if count == 1:
         return [accelerations[0] > 0.0]

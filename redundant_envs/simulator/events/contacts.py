@@ -1,7 +1,5 @@
-"""Coordinates at their stops: which are struck, which come to rest, and which are released.
-
-Accelerations, forces of stops and mobilities are given; time does not advance.
-"""
+"""Coordinates at their stops, from accelerations, forces of stops and mobilities: which are struck, which
+come to rest, and which are released. Time does not advance."""
 
 from __future__ import annotations
 
@@ -111,12 +109,9 @@ def lowest_bounce(tolerance: Any) -> Any:
 
 def impulses_of_impacts(contacts: Sequence[Contact], w: Matrix) -> tuple[list[Any], Any]:
     """Inward impulses of the stops, N s, once it is known which other coordinates they support; and whether
-    coordinates would strike in turn for ever, and therefore stop.
-
-    A coordinate that moves away from its stop is no longer supported by it, however near it is: if an
-    impact of another sends it back, it is struck next. A coordinate that stays there without a force is
-    supported.
-    """
+    coordinates would strike in turn for ever, and therefore stop. One that moves away from its stop, however
+    near it is, is not supported: if an impact of another sends it back, it is struck next. One that stays
+    there without a force is."""
     sides, speeds = [c.side for c in contacts], [c.speed for c in contacts]
     supported = [
         c.resting | (c.speed > 0.0) | ((c.speed == 0.0) & (c.side * c.acceleration >= 0.0)) for c in contacts

@@ -1,7 +1,5 @@
-"""Whether a trial step meets a boundary, and how: bounds from the accelerations at its stages.
-
-docs/design.md explains the bounds: "An impact is found between the stages of a step".
-"""
+"""Whether a trial step meets a boundary, and how: bounds from the accelerations at its stages, which
+docs/design.md explains ("An impact is found between the stages of a step")."""
 
 from __future__ import annotations
 
@@ -89,11 +87,8 @@ def passes_within(w: Watched) -> Any:
 
 @branches
 def may_pass(w: Watched, overshoot: Overshoot) -> Any:
-    """Whether a guard may be positive at a stage of a step, or between two of them, by more than rounding.
-
-    A guard that was at 0 a moment ago leaves it, and its first value is no sign of another passage; nor is
-    the last value of one that only gets to 0.
-    """
+    """Whether a guard may be positive at a stage of a step or between two, by more than rounding. The first
+    value of one that leaves 0 does not count, nor the last of one that only gets there."""
     size, ends = w.most - w.least, maximum(w.first, w.last)
     at_ends = ends if -ends <= NEARLY_0 * size else ends + overshoot.at_ends * size
     return maximum(at_ends, w.inner) > ROUNDING * size
@@ -154,12 +149,9 @@ def turning_time(s: BoundedCoordinate, h: Any) -> Any:
 
 @branches
 def keeps_direction(s: BoundedCoordinate, h: Any, lo: Any, hi: Any) -> Any:
-    """Indicator that a velocity keeps its sign in a step: it does if the result is 0 or more.
-
-    Either the velocity cannot change enough from one of its ends while its acceleration stays in lo..hi. Or
-    the acceleration grows throughout, and the velocity stays below its ends; or it falls throughout, and the
-    velocity stays above them.
-    """
+    """Indicator, 0 or more if a velocity keeps its sign in a step: it cannot change enough from one of its
+    ends with an acceleration in lo..hi; or its acceleration grows throughout, and it stays below its ends; or
+    falls throughout, and it stays above them."""
     w, v0, v1 = s.watched, s.start_velocity, s.velocity
     slower = h * maximum(-lo, 0.0)  # largest fall and rise of the velocity
     faster = h * maximum(hi, 0.0)

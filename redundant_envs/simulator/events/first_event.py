@@ -1,8 +1,5 @@
-"""Time of the first event of a coordinate in a trial step: an estimate, from which a search begins.
-
-An event is an impact at a stop, a release from it, a limit that is passed, or a turn that may lie beyond a
-limit.
-"""
+"""Time of the first event of a coordinate in a trial step, an estimate from which a search begins: of an
+impact at a stop, a release from it, a limit that is passed, or a turn that may lie beyond one."""
 
 from __future__ import annotations
 
@@ -56,11 +53,9 @@ class Event(NamedTuple):
 
 
 def quintic_through(s: BoundedCoordinate, h: Any, gap: Any) -> list[Any]:
-    """Coefficients in s of the quintic with a coordinate's positions, velocities and accelerations at both
-    ends of a step, of which s is a fraction, m.
-
-    The acceleration at the end is that of the last stage. The coordinate starts ``gap`` above its limit.
-    """
+    """Coefficients in s, m, of the quintic with a coordinate's positions, velocities and accelerations at
+    both ends of a step, of which s is a fraction. The coordinate starts ``gap`` above its limit; the
+    acceleration at the end is that of the last stage."""
     d = s.position - s.start_position
     s0 = h * s.start_velocity
     s1 = h * s.velocity
@@ -87,12 +82,9 @@ def nearer_root(g: Any, slope: Any, low: Any, high: Any, s: Any, new: Any) -> tu
 
 @branches
 def crossing_time(s: BoundedCoordinate, h: Any, side: Any, gap: Any, share: Any, turned: Any) -> Any:
-    """Time at which the quintic through both ends of a step of length ``h`` passes the limit of a side, s.
-
-    Two iterations find the zero nearly to the accuracy with which the quintic describes the event: a third
-    one would save one trial step in two hundred. The coordinate starts ``gap`` above the limit; ``share`` is
-    a guess, as a fraction of the step, and at the fraction ``turned`` an inward motion has turned.
-    """
+    """Time at which the quintic through both ends of a step of length ``h`` passes the limit of a side, s, by
+    two iterations: a third one would save one trial step in two hundred. The coordinate starts ``gap`` above
+    the limit; of the step, ``share`` is a guess, and ``turned`` where an inward motion has turned."""
     c = quintic_through(s, h, gap)
     slopes = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4], 5.0 * c[5]]
     low, high = turned_inward(s, side, turned), 1.0
@@ -115,12 +107,9 @@ def turned_inward(s: BoundedCoordinate, side: Any, turned: Any) -> Any:
 
 @branches
 def chord(e: Encounter, h: Any, side: Any, gap: Any) -> tuple[Any, Any]:
-    """Fraction of a step at which a coordinate has its event, from both ends: numerator and denominator.
-
-    For a free coordinate, which starts ``gap`` above its limit, it is where the parabola of its positions and
-    first velocity meets the limit, for a resting one where the chord of the forces that hold it changes its
-    sign.
-    """
+    """Fraction of a step at which a coordinate has its event, as numerator and denominator. A free one, which
+    starts ``gap`` above its limit, meets that with the parabola of its positions and first velocity; for a
+    resting one the chord of the forces that hold it changes its sign."""
     s = e.motion
     if e.pull > 0.0:
         push = maximum(-s.active_stop * e.start_force, 0.0)
@@ -180,12 +169,9 @@ def first_passage(e: Encounter, h: Any, node: float) -> Event:
 
 @branches
 def arrival_nearby(s: BoundedCoordinate, h: Any) -> tuple[Any, Event]:
-    """Whether a coordinate certainly reaches a stop near which it starts, and its impact there, independent
-    of the end of the step of ``h``.
-
-    Which of two such coordinates arrives first follows from their start. One that its acceleration turns
-    before it is beyond the stop by more than rounding does not arrive.
-    """
+    """Whether a coordinate certainly reaches a stop near which it starts, and its impact there, whatever the
+    end of the step of ``h``: which of two arrives first follows from their start. One that turns before it is
+    beyond the stop by more than rounding does not arrive."""
     side, speed = direction(s.start_velocity), abs(s.start_velocity)
     way, acceleration = side * (s.limit(side) - s.start_position), side * s.watched.first
     time = 2.0 * way / (speed + sqrt(maximum(speed * speed + 2.0 * acceleration * way, 0.0)))

@@ -122,12 +122,9 @@ class LastPiece(NamedTuple):
 
 @branches
 def may_hide_event(trial: Trial, e: Encounter, overshoot: Overshoot) -> Any:
-    """Whether a step may hide an event of a coordinate that is larger than rounding.
-
-    A free coordinate may reach its limit and leave it; the stop of a resting one may have to pull before the
-    end, though not at the end; and a guard may be positive before the end, though not there. In each case a
-    step of half the length follows.
-    """
+    """Whether a step may hide an event of a coordinate that is larger than rounding: a free one may reach its
+    limit and leave it, the stop of a resting one may pull, or a guard be positive, before the end alone. Then
+    a step of half the length follows."""
     if e.motion.guards:
         watched = e.motion.watched
         leaves = e.left & (watched.most == watched.first)  # its first value is no sign of another passage
@@ -141,12 +138,9 @@ def may_hide_event(trial: Trial, e: Encounter, overshoot: Overshoot) -> Any:
 
 @branches
 def hides_passage(trial: Trial, e: Encounter, overshoot: Overshoot) -> Any:
-    """Whether a step that ends at an event may hide an earlier passage of a guard.
-
-    Where the planned step ended with a positive value, a search may have found the last of several passages;
-    then the value was positive between the ends of the step. A step of half the length follows. One in which
-    a passage may be found late anyway is short enough.
-    """
+    """Whether a step that ends at an event may hide an earlier passage of a guard: of several a search may
+    have found the last one, and the value was positive before. Then a step of half the length follows, unless
+    it is so short that a passage may be found late anyway."""
     if not e.motion.guards:
         return False
     if not e.pull > 0.0:
@@ -253,11 +247,9 @@ def towards_turn(search: Search, h: Any, sought: Sought) -> Search:
 
 @branches
 def correction(sought: Sought, search: Search) -> tuple[Any, Any]:
-    """Numerator and denominator of the correction that leads to the next guess of an event.
-
-    For a resting coordinate it is a chord of holding forces, as a fraction of the bracket; towards an impact
-    it is Halley's step, s, or Newton's where the denominator would be too small.
-    """
+    """Numerator and denominator of the correction to the next guess: for a resting coordinate a chord of
+    holding forces, as a share of the bracket, else Halley's step, s, or Newton's if the denominator is
+    small."""
     if not sought.free:
         return search.gap_low, search.gap_low - search.gap_high
     gap, speed = sought.gap, sought.speed
@@ -384,11 +376,8 @@ def ends_at_event(trial: Trial, before: Search, after: Search, sought: Sought, p
 
 @branches
 def position_at_event(s: BoundedCoordinate, position: Any, arrives: Any, stop: Any, interval: Any) -> Any:
-    """Position of a coordinate at an event, m: ``position``, or exactly its stop.
-
-    If it is free, it is at ``stop`` if it ``arrives`` there, and at one of its stops if it would reach it
-    within a negligible part of the control ``interval``, or is beyond it.
-    """
+    """Position of a coordinate at an event, m: ``position``, or exactly a stop. A free one is at ``stop`` if
+    it ``arrives``, and at one that it passes, or reaches in a negligible part of the ``interval``."""
     if not s.free:
         return position
     if arrives:

@@ -43,11 +43,8 @@ def fields_of(dynamics: Dynamics, parameters: Fields | None = None) -> dict[str,
 
 def cross_interval(interval: Interval, fields: Fields) -> Fields:
     """Lanes after a control interval: the new states by their names, and "fault", "error", "evaluations"
-    where the scene has them.
-
-    ``fields`` are states, parameters (:func:`fields_of`) and commands by the names of their fields: floats,
-    or arrays or tensors with one number for each lane; others are 0.
-    """
+    where the scene has them. ``fields`` are states, parameters (:func:`fields_of`) and commands: floats, or
+    arrays or tensors with one number for each lane; others are 0."""
     several = any(getattr(x, "shape", ()) for x in fields.values())
     with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
         return _cross_together(interval, fields) if several else _cross_alone(interval, fields)

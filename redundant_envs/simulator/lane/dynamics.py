@@ -34,12 +34,9 @@ ARGUMENTS = dict.fromkeys(("ax", "ay"), f"of {ENGINE}: minus the gravity vector,
 
 
 class Dynamics:
-    """The equations of motion of a scene.
-
-    With ``track_work`` the work of motors and of forces without a potential is a state, too. Unless they are
-    ``located`` in time under error control, changes of a force's law follow from the position at each
-    evaluation.
-    """
+    """The equations of motion of a scene. With ``track_work`` the work of motors and of forces without a
+    potential is a state, too. Laws of forces change by the position at each evaluation unless error control
+    has them ``located`` in time."""
 
     def __init__(self, scene: Scene, track_work: bool = False, located: bool = True) -> None:
         attached, arm = scene.attached, scene.robot

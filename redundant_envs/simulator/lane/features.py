@@ -1,8 +1,5 @@
 """What a scene has that its lanes take care of: boundaries, joints that stick, a log, doubts about errors.
-
-What a scene may lack is an object with a neutral default, such as
-:class:`~redundant_envs.simulator.lane.stiction.NoStiction`.
-"""
+What it may lack is an object with a neutral default, such as :class:`NoStiction`."""
 
 from __future__ import annotations
 

@@ -116,10 +116,8 @@ class Interval:
 
     def traced_program(self, layout: Layout, whole: bool = False) -> dict[Any, LaneFunction]:
         """The program of a lane as functions: at its beginning (None), after each request, and after a common
-        step that is its first trial step (:data:`FIRST`).
-
-        The layout gets the fields that only the program sets; ``whole`` is for :class:`Graph`.
-        """
+        step that is its first trial step (:data:`FIRST`). The layout gets fields that only it sets; ``whole``
+        is for :class:`Graph`."""
         self.declare_program(layout)
         made: dict[Any, LaneFunction] = {}
         machine = Machine(self.program.cross, TracedLane(layout, Graph()), Request, whole)

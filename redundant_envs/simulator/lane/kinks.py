@@ -52,11 +52,8 @@ def kink_values(attached: Attachments, watches: Watches, x: Quantities) -> list[
 
 
 def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: Iterable[str]) -> Watches:
-    """Functions of effects whose kinks are watched, by their hooks: quantities are ``constant`` within an
-    interval, or follow from ``states``.
-
-    A kink that is found in two functions, or found and declared, is watched once.
-    """
+    """Functions of effects whose kinks are watched, each once, by their hooks: quantities are ``constant``
+    within an interval, or follow from ``states``."""
     x = Quantities({}, (), {}, Loads())
     known = dict.fromkeys(constant, False) | dict.fromkeys(states, True)
     leaves: dict[str, bool] = {}  # whether the last examined link of a command's motor moves

@@ -119,11 +119,9 @@ def traced(
     joins: bool = True,
 ) -> LaneFunction:
     """Record the effect of procedures on a lane, the last of which may return values for arrays, by (array,
-    type of its elements, column, columns).
-
-    ``inputs`` are arrays with the type of their elements and the fields that their columns hold, ``known``
-    fields that hold certain numbers; ``whole`` is for :class:`Graph`, ``joins`` for :class:`LaneFunction`.
-    """
+    type of its elements, column, columns). ``inputs`` are arrays with their type and the fields that columns
+    hold, ``known`` fields of certain numbers; ``whole`` is for :class:`Graph`, ``joins`` for
+    :class:`LaneFunction`."""
     graph = Graph(whole)
     lane = TracedLane(layout, graph)
     for array, (_, fields) in (inputs or {}).items():

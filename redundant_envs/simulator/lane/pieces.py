@@ -158,12 +158,9 @@ class Pieces(Whole):
 
 
 class RepeatedPieces(Pieces):
-    """Pieces under a tolerance: each is crossed with steps of its own, and judged alone.
-
-    An error made in a piece grows in those after it. Where it may grow beyond the tolerance the interval is
-    crossed again, with steps that are all shorter than the shortest one before: like an interval without
-    instants, whose steps are equal, and judged like it.
-    """
+    """Pieces under a tolerance, each crossed with steps of its own, and judged alone. Where an error may grow
+    beyond the tolerance in later pieces the interval is crossed again, with steps all shorter than the
+    shortest one before, and judged like one without instants, whose steps are equal."""
 
     attempts = MAX_DOUBLINGS + 2
     crossings = 2.0  # each has twice the steps of the one before

@@ -36,12 +36,9 @@ def tip_error(e6: Any, e5: Any, e3: Any, *, sharpness: float = SHARPNESS) -> Any
 
 
 def tip_weight(norm: Any, reach: Any, tip_tolerance: Any) -> Any:
-    """Metres at the tip per radian of a link, for the error of its angle in a step.
-
-    The norm is that of the Jacobian's column, except for links shorter than a hundredth of the reach: they
-    fall over within milliseconds, so their errors grow. Their errors count ten times, and stay below
-    1/400 rad.
-    """
+    """Metres at the tip per radian of a link, for the error of its angle in a step: the norm of the
+    Jacobian's column. Links shorter than a hundredth of the reach fall over within milliseconds, so their
+    errors grow: they count ten times, and stay below 1/400 rad."""
     return maximum(norm, minimum(0.01 * reach, maximum(10.0 * norm, 400.0 * tip_tolerance)))
 
 
@@ -191,11 +188,9 @@ class Verdict(NamedTuple):
 
 @branches
 def judge_adaptive(error: Any, h: Any, next_step: Any, min_steps: Any, interval: Any, taken: Any) -> Verdict:
-    """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try.
-
-    A lane that has ``taken`` a million steps, or would need one of 1e-13 of the interval, has no next step.
-    The end of the interval may have cut the planned ``next_step`` short, to ``h``.
-    """
+    """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try, of which
+    there is none after a million steps ``taken``, or if it were 1e-13 of the interval. The end of the
+    interval may have cut the planned ``next_step`` short, to ``h``."""
     eighth = sqrt(sqrt(sqrt(maximum(error, 1e-12))))
     factor = minimum(maximum(0.9 / eighth, 1.0 / 3.0), 6.0) if eighth > 0.0 else 1.0 / 3.0
     passed = error <= 1.0

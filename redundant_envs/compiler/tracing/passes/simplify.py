@@ -1,7 +1,5 @@
-"""Fewer operations: products join the sums they go into, and known numbers decide what is chosen.
-
-A joined product has one rounding and one instruction, the same on every machine.
-"""
+"""Fewer operations: products join the sums they go into, with one rounding and one instruction on every
+machine, and known numbers decide what is chosen."""
 
 from __future__ import annotations
 
