@@ -144,7 +144,8 @@ class Emitter:
         if self.stages and node.name in ("stage", "result"):
             return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
         if node.name == "philox":
-            return self._words(*node.arguments)
+            counter, interval, *key = (Whole(self, self._word(x)) for x in node.arguments)
+            return [w.value for w in philox(key[:2], [counter, interval, *key[2:]])]
         if node.name == "word":
             return self._float(self.value(node.arguments[0])[node.extra])
         arguments = [self.value(a) for a in node.arguments]
@@ -184,11 +185,6 @@ class Emitter:
         b, v = self.builder, self.vectors
         shifted = b.or_(whole, v.same(v.whole, WHOLE_BITS))
         return b.fsub(b.bitcast(shifted, v.numbers), v.same(v.numbers, WHOLE))
-
-    def _words(self, *numbers: Value) -> list[Any]:
-        """Random words (:func:`algebra.philox`) as vectors of whole numbers."""
-        counter, interval, *key = (Whole(self, self._word(x)) for x in numbers)
-        return [w.value for w in philox(key[:2], [counter, interval, *key[2:]])]
 
     def _word(self, number: Value) -> Any:
         """A whole number up to 2^52 as its last 32 bits."""

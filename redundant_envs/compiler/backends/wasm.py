@@ -9,7 +9,6 @@ become exports.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
 
 from redundant_envs.compiler.backends import llvm
 from redundant_envs.compiler.backends.processors import WASM
@@ -42,12 +41,15 @@ def identity(code: bytes) -> str:
 
 def linked(code: bytes, names: list[str]) -> bytes:
     """The module of an object, which exports some of its functions."""
-    sections = [*_sections(code)]
-    own = {number: content for number, content in sections if number != CUSTOM}
+    own: dict[int, bytes] = {}
     functions: dict[str, int] = {}
-    for number, content in sections:
+    reader = _Reader(code, 8)  # after the magic number and the version
+    while reader:
+        number, content = reader.byte(), reader.take()
         if number == CUSTOM:
             functions |= _functions(content)
+        else:
+            own[number] = content
     exports = [_text(name) + b"\0" + _leb(functions[name]) for name in names]
     own[EXPORTS] = _leb(len(exports)) + b"".join(exports)
     order = (TYPES, IMPORTED, FUNCTIONS, EXPORTS, CODE)
@@ -97,13 +99,6 @@ def _leb(number: int) -> bytes:
 
 def _text(name: str) -> bytes:
     return _leb(len(name.encode())) + name.encode()
-
-
-def _sections(code: bytes) -> Iterator[tuple[int, bytes]]:
-    """Numbers and contents of the sections."""
-    reader = _Reader(code, 8)  # after the magic number and the version
-    while reader:
-        yield reader.byte(), reader.take()
 
 
 def _functions(content: bytes) -> dict[str, int]:

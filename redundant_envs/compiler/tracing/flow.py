@@ -30,8 +30,7 @@ class Output(NamedTuple):
 
 @dataclass
 class LaneFunction:
-    """Straight-line code for a block of lanes, from values of a graph; a location is a space and a number in
-    it."""
+    """Straight-line code for a block of lanes, from values of a graph; a location is a space and a number."""
 
     name: str
     spaces: tuple[str, ...]  # names of the memories of the lanes

@@ -43,9 +43,7 @@ class Origin(NamedTuple):
 
 _located: ContextVar[bool] = ContextVar("located", default=False)
 _owner: ContextVar[str] = ContextVar("owner", default="")
-_TRANSPARENT = {
-    str(Path(__file__).parents[2] / "language" / name) for name in ("algebra.py", "quantities.py")
-}
+_TRANSPARENT = {str(Path(__file__).parents[2] / f"language/{name}.py") for name in ("algebra", "quantities")}
 """Files whose functions only pass on operations of others; so do those of this folder, except for sines."""
 
 

@@ -245,9 +245,8 @@ def merged_fields(tree: Tree, fields: dict[str, list[Any]]) -> dict[str, Any]:
             {name: _folded(tree, iter(fields[name]), _selection) for name in names},
             {name: _by_number(tree, partition, fields[name]) for name in names},
         )
-        needed, form = min(
-            ((_operations(form.values(), used), form) for form in forms), key=lambda n: len(n[0])
-        )
+        counted = ((_operations(form.values(), used), form) for form in forms)
+        needed, form = min(counted, key=lambda n: len(n[0]))
         used |= needed
         total |= form
     return total

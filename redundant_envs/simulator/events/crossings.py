@@ -28,8 +28,7 @@ class Crossing(enum.IntEnum):
 
 
 class Overshoot(NamedTuple):
-    """Largest overshoot of an acceleration between the stages of a step and near its ends
-    (Tableau.overshoot_between_nodes)."""
+    """Largest overshoot of an acceleration between stages and near ends (Tableau.overshoot_between_nodes)."""
 
     between: float
     at_ends: float

@@ -151,7 +151,7 @@ class Boundaries:
             pushes = (j * lane[b.mobilities[k]] for j, b in zip(r.impulses, stops, strict=True))
             struck[v] = lane[v] + total(pushes)
         for b in self.features.from_base:
-            struck[b.travel.rate] = b.rate_after(exact[b], struck)
+            struck[b.travel.rate] = b.travel.own_value(exact[b], struck, self.dynamics.arm.rates)
         if "work" in self.dynamics.states:
             impulses = zip(r.impulses, touching, r.velocities, strict=True)
             struck["work"] = lane.work + 0.5 * total(j * (c.velocity + v) for j, c, v in impulses)

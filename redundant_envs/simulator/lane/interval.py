@@ -136,10 +136,9 @@ class Interval:
         return made
 
     def layout(self) -> Layout:
-        dynamics, layout = self.dynamics, Layout(self.fields())
+        dynamics, arm, layout = self.dynamics, self.dynamics.arm, Layout(self.fields())
         known = (*dynamics.states, *dynamics.parameters.numbers, *dynamics.commands)
         owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
-        arm = dynamics.arm
         more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
         given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
         angles = {name for pair in arm.sincos.values() for name in pair}

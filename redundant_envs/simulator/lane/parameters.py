@@ -121,9 +121,8 @@ def depends_on_motion(a: Attached[Any]) -> bool:
 
 
 def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
-    """Forces whose damping depends on their joint's motion, under a tolerance, with the fields of the
-    largest mobilities of their joints. Estimates of dop853, which are held near rounding, see such
-    dampers."""
+    """Forces whose damping depends on their joint's motion, under a tolerance, with the fields of the largest
+    mobilities of their joints. Estimates of dop853, held near rounding, see such dampers."""
     found = [a for a in scene.attached.of(Force) if scene.tolerance is not None and depends_on_motion(a)]
     return [(f"most_mobility{a.hook.joint + 1}", a) for a in found if isinstance(a.hook.joint, int)]
 

@@ -194,10 +194,6 @@ class TravelStop(Impacting):
     def set_position(self, lane: Lane, position: Any) -> None:
         lane[self.travel.coordinate] = position
 
-    def rate_after(self, velocity: Any, rates: Any) -> Any:
-        """Rate of its coordinate after impulses, from the joint's exact one and the rates before it."""
-        return self.travel.own_value(velocity, rates, self.dynamics.arm.rates)
-
 
 class HoldingStop(TravelStop):
     """A stop that holds its slider by itself: in scenes in which no joint sticks."""
@@ -221,8 +217,7 @@ class HoldingStop(TravelStop):
         return where(x[f"held{self.number}"] > 0.0, side * x[f"hold{self.number}"], 0.0)
 
     def at_stage(self, x: Quantities) -> Any:
-        held = x[f"held{self.number}"] > 0.0
-        return where(held, self.pull(x, x[self.active_stop]), x[f"qdd{self.number}"])
+        return where(x[f"held{self.number}"] > 0.0, self.pull(x, x[self.active_stop]), x[f"qdd{self.number}"])
 
     def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
         lane[self.force] = x[f"hold{self.number}"]
@@ -310,8 +305,7 @@ class Bounces:
 
 class ComparedBounces(Bounces):
     """Bounces of an interval that is compared with one that has all of them: with another stop, or dry
-    friction, an impact may come before those that are left out would be over, and find at rest what is still
-    in the air."""
+    friction, an impact may come before those left out would be over, and find at rest what is in the air."""
 
     def fields(self) -> Iterator[Variable]:
         yield from engine("lowest_bounce", "bounces_end", "bounce_missed")
