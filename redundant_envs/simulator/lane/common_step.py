@@ -195,8 +195,7 @@ class CommonStep:
 
     def least_steps(self, lane: Lane) -> Any:
         """Number of steps of an interval, or a piece, before any estimate is used: half a radian of the
-        fastest link in each, and as many as springs and dampers require, which no estimate sees before they
-        are touched."""
+        fastest link in each, and as many as springs and dampers need, which estimates see once touched."""
         arm, crossed = self.dynamics.arm, self.pieces.span(lane)
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.parameters.prepared else []
