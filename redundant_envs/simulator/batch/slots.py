@@ -28,8 +28,7 @@ class LaneBuffer(NamedTuple):
 
 class Slots:
     """Local time stepping: lanes that the common step does not serve go through slots, a block at a time.
-    Lanes with boundaries first begin their programs together in a block in front: slots become free
-    singly."""
+    With boundaries they first begin together, in a block in front: slots become free singly."""
 
     def __init__(self, blocks: Blocks, ends: Ends) -> None:
         self.blocks, self.p, self.interval = blocks, blocks.p, blocks.interval
