@@ -4,6 +4,7 @@ import os
 import re
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -39,15 +40,18 @@ def outcome(
     paths = {"PYTHONPATH": f"{copy}{os.pathsep}{copy / 'agents'}", "REDUNDANT_ENVS_CACHE": kernels}
     options = ["-B", "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider"]
     command = [sys.executable, *options, "-m", mark, *tests]
-    try:
-        done = subprocess.run(
-            command, cwd=copy, env=os.environ | paths, capture_output=True, text=True, timeout=seconds,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return Outcome("hung")
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
-    return Outcome({0: "green", 1: "red"}.get(done.returncode, "not run"), failed[1] if failed else "")
+    with subprocess.Popen(
+        command, cwd=copy, env=os.environ | paths, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+    ) as run:  # fmt: skip
+        try:
+            told, _ = run.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(run.pid, signal.SIGKILL)  # with the processes that its tests started
+            return Outcome("hung")
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", told, re.MULTILINE)
+    return Outcome({0: "green", 1: "red"}.get(run.returncode, "not run"), failed[1] if failed else "")
 
 
 def in_copies(what: str, items: Sequence[T], workers: int, do: Callable[[T, Path], str]) -> None:
