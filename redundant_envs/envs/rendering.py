@@ -67,9 +67,7 @@ class Canvas:
         self.width, self.height = width, height
         self.unit = min(width, height) / SIZE
         self.scale = SIZE / (2.0 * half_width)
-        self._columns, self._rows = (
-            np.arange(n, dtype=np.float32) + np.float32(0.5) for n in (width, height)
-        )
+        self._columns, self._rows = (np.arange(0.5, n, dtype=np.float32) for n in (width, height))
 
     def _pixel(self, point: Any) -> Pair:
         scale = self.unit * self.scale
@@ -230,9 +228,7 @@ def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
 @lru_cache(maxsize=512)
 def cover(text: str, height: float) -> NDArray[np.float32]:
     """How much of each pixel a line of text covers, (rows, columns), 0 to 1; two are free around the text.
-
-    ``height`` is that of a digit, px. ValueError if a character has no glyph.
-    """
+    ``height`` is that of a digit, px. ValueError if a character has no glyph."""
     lacking = sorted(set(text) - GLYPHS.keys())
     if lacking:
         raise ValueError(f"text is {text!r}; there is no glyph for {''.join(lacking)!r} in GLYPHS")
@@ -283,11 +279,10 @@ def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) ->
     for k, slides in enumerate(arm.prismatic):
         link += not slides
         color = palette.LINKS[k % len(palette.LINKS)]
-        if k + 1 in along and k + 1 in travel:
-            _rail(canvas, ends[k + 2] - q[k + 1] * along[k + 1], along[k + 1], travel[k + 1])
+        for j in (1, 0) if k == 0 else (k + 1,):  # behind this link, that of the next slider
+            if j in along and j in travel:
+                _rail(canvas, ends[j + 1] - q[j] * along[j], along[j], travel[j])
         if slides:
-            if k == 0 and k in travel:
-                _rail(canvas, ends[1] - q[0] * along[0], along[0], travel[0])
             across = 7.0 / canvas.scale * along[k]
             canvas.capsule(ends[k], ends[k + 1], max(8.0 - 2.0 * link, 4.0), color)
             sides, carriage = (ends[k + 1] - across, ends[k + 1] + across), max(13.0 - 2.0 * link, 7.0)
@@ -324,17 +319,14 @@ def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
     if len(stops) == 2:
         canvas.trail(at + ARC * px * way, 4.0, palette.RAIL, faint=1.0, strong=1.0)
     for direction in way[:: len(way) - 1][: len(stops)]:
-        canvas.capsule(
-            at + (ARC - TICK) * px * direction, at + (ARC + TICK) * px * direction, 3.0, palette.RAIL
-        )
+        inner, outer = (at + radius * px * direction for radius in (ARC - TICK, ARC + TICK))
+        canvas.capsule(inner, outer, 3.0, palette.RAIL)
 
 
 def stated_limits(scene: Scene, known: Mapping[str, float] | None = None) -> dict[int, Pair]:
     """Travel of the joints that have any, from the numbers of the scene, or of one environment: joint ->
-    (lower, upper), m or rad; an end without a stop is infinite.
-
-    The report's centring spring names limits too, although it does not enforce them.
-    """
+    (lower, upper), m or rad; an end without a stop is infinite. The report's centring spring names limits
+    too, although it does not enforce them."""
     values = scene.parameters() if known is None else known
     names = {joint: (low, high) for joint, low, high in hard_stops(scene)} | scene.travel()
     for effect in scene.effects:
@@ -382,11 +374,9 @@ class Drawing:
             canvas.disc((0.0, 0.0), canvas.scale * reach, palette.REACH, ring=2.0)
             for shape in behind:
                 if isinstance(shape, shapes.Circle):
-                    radius = canvas.scale * shape.radius
-                    canvas.disc(
-                        shape.centre, max(radius, 4.0), palette.OBSTACLE if radius > 4.0 else palette.EDGE
-                    )
-                    canvas.disc(shape.centre, max(radius, 4.0), palette.EDGE, ring=2.4)
+                    radius = max(canvas.scale * shape.radius, 4.0)
+                    canvas.disc(shape.centre, radius, palette.OBSTACLE if radius > 4.0 else palette.EDGE)
+                    canvas.disc(shape.centre, radius, palette.EDGE, ring=2.4)
             self._background = made_for, canvas.pixels
         canvas = Canvas(half_width, self.width, self.height, self._background[1])
         moved = [x.displacement for x in found if isinstance(x, shapes.Ground)]
@@ -474,10 +464,8 @@ class Renderer:
         self._last[:] = -1.0
 
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
-        """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,).
-
-        A trail starts again with each episode.
-        """
+        """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,); a trail
+        starts again with each episode."""
         stepped = (steps == self._last + 1.0) & (steps > 0.0)
         same = (steps == self._last) & (np.abs(self._tips[:, -1] - tips) < 1e-9).all(axis=1)
         self._count[~(stepped | same)] = 0
@@ -490,10 +478,8 @@ class Renderer:
         return self._tips[lane, TRAIL_LENGTH - self._count[lane] :]
 
     def draw(self, lane: int, written: bool = True) -> NDArray[np.uint8]:
-        """The picture of a lane, (height, width, 3) uint8, with time, efforts and how long the goal was held.
-
-        ``written=False`` leaves these out.
-        """
+        """The picture of a lane, (height, width, 3) uint8; if ``written`` with time, efforts and how long the
+        goal was held."""
         core, scene, arm = self.core, self.core.scene, self.core.scene.robot
         index = np.array([lane])
 
@@ -501,10 +487,9 @@ class Renderer:
             return core.memory.read(tuple(names), index)[0]
 
         q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.actions))
-        known = {
-            n: float(x[0]) for n, x in parameters.present(core.memory, index, scene.parameters()).items()
-        }
+        present = parameters.present(core.memory, index, scene.parameters())
         states = tuple(core.memory.dynamics.effect_states)
+        known = {name: float(x[0]) for name, x in present.items()}
         known |= zip(states, read(states).tolist(), strict=True)
         numbers = [known[name] for name in arm.parameter_values()]
         own_arm: Any = type(arm)(tuple(numbers[: arm.num_masses]), tuple(numbers[arm.num_masses :]))
