@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -69,26 +68,20 @@ def parts(scene: Scene) -> dict[str, Pair]:
     return {"bare": Pair(arm, arm), **each, "whole scene": Pair(scene, arm)}
 
 
-@dataclass
 class Timed:
     """A motion of many lanes from rest under random actions, and then, with sensors, the observation of an
     environment with and without them."""
 
-    batch: BatchSimulator
-    start: Mapping[str, Any]  # snapshot
-    efforts: Array  # (intervals, lanes, joints), N m and N, or what the first link of a motor takes
-    cores: Sequence[Core]  # of the environment, and of that without sensors; none where there are none
-    evaluations: float = 0.0  # mean of a lane and timed interval
-    faults: float = 0.0  # share of the lanes' timed intervals with a fault
-
-    @classmethod
-    def of(cls, scene: Scene, lanes: int) -> Timed:
-        """A motion of a scene."""
-        joints, batch = len(scene.robot.joints), BatchSimulator(scene, lanes)
-        batch.set_state(starts(scene, np.random.default_rng(0).random((lanes, joints))), np.zeros(joints))
+    def __init__(self, scene: Scene, lanes: int) -> None:
+        joints, self.batch = len(scene.robot.joints), BatchSimulator(scene, lanes)
+        places = starts(scene, np.random.default_rng(0).random((lanes, joints)))
+        self.batch.set_state(places, np.zeros(joints))
+        self.start = self.batch.save()
         shares = np.random.default_rng(1).uniform(-1.0, 1.0, (lanes, WARM + TIMED, joints))
-        efforts = np.ascontiguousarray(commands(scene) * shares.swapaxes(0, 1))
-        return cls(batch, batch.save(), efforts, observers(scene, lanes))
+        # (intervals, lanes, joints), N m and N, or what the first link of a motor takes
+        self.efforts = np.ascontiguousarray(commands(scene) * shares.swapaxes(0, 1))
+        self.cores = observers(scene, lanes)
+        self.evaluations = self.faults = 0.0  # means of a lane and timed interval
 
     def sample(self) -> list[float]:
         """Times of all intervals and observations, s."""
@@ -116,7 +109,7 @@ class Timed:
 
 
 def observers(scene: Scene, lanes: int) -> tuple[Core, ...]:
-    """The environment of a scene with sensors, and that without them; none where a scene can be none."""
+    """The environment of a scene with sensors, and that without them; none without sensors or motors."""
     sensors = scene.attached.keys_of(Sensing)
     if not sensors or not scene.action_units() or not {*scene.robot.sliders()} <= scene.travel().keys():
         return ()
@@ -147,12 +140,10 @@ def commands(scene: Scene) -> Array:
 def costs(
     pairs: Mapping[str, Pair], lanes: int = LANES, turns: int = 20, most: float = 0.2
 ) -> list[dict[str, Any]]:
-    """Time pairs of scenes by turns; a row of :data:`COLUMNS` for each, at one rk8 step and at 1e-6 m.
-
-    The time is that of a control interval of a lane, and of the readings of sensors in an observation: the
-    best of some turns for each interval of a motion, the mean of its intervals. ``times_bare`` is the ratio
-    of both times of a pair. After ``most`` seconds a scene has no more turns.
-    """
+    """Time pairs of scenes by turns; a row of :data:`COLUMNS` for each, at one rk8 step and at 1e-6 m. The
+    time is that of a control interval of a lane, and of the readings of sensors in an observation: the best
+    of some turns for each interval of a motion, the mean of its intervals. ``times_bare`` is the ratio of
+    both times of a pair. After ``most`` seconds a scene has no more turns."""
     asked: list[Scene] = []  # what is timed, once
     for scene in itertools.chain.from_iterable(pairs.values()):
         if scene not in asked:
@@ -163,7 +154,7 @@ def costs(
             scenes = []
             for given in asked:
                 scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
-                scenes.append(Timed.of(scene, lanes))
+                scenes.append(Timed(scene, lanes))
                 done(f"a scene at {accuracy}")
             times = by_turns({k: one.sample for k, one in enumerate(scenes)}, turns, most=most)
             done(f"{turns} turns at {accuracy}")
