@@ -107,7 +107,7 @@ class Core(Copied):
     def _connect(self) -> None:
         simulator, memory = self.simulator, self.memory
         self._team = Team(simulator, "environment", memory, self.threads, [self.key_table])
-        self._goal_rewards = [self._reward_call()] if self.task.goal_functions else []
+        self._goal_rewards: list[Call] = []
         """Calls that nobody makes now: learners ask for rewards of old goals from threads of their own."""
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
         self._key_address = address(self.key_table)
@@ -135,11 +135,6 @@ class Core(Copied):
     def begun_all(self) -> bool:
         """Whether every lane has had a reset, and so a key."""
         return bool(self.keys.any(axis=1).all())
-
-    def seed(self, lanes: NDArray[np.int64], seeds: list[int]) -> None:
-        """Give lanes new generators."""
-        self.waiting[lanes] = False
-        self.episode_keys.seed(lanes, seeds)
 
     def provide_keys(self, lanes: NDArray[np.int64]) -> None:
         """Draw the key of the next episode for those of the given lanes that have no unused key."""
@@ -184,7 +179,6 @@ class Core(Copied):
     def _run(
         self, operation: int, actions: NDArray[np.float32] | None = None, autoreset: int = Autoreset.DISABLED
     ) -> Tables:
-        """An operation on all lanes."""
         if actions is None:
             actions = np.zeros((self.num_envs, len(self.actions)), dtype=np.float32)
         obs, out, places = now = self._tables(np.empty)
@@ -235,8 +229,7 @@ class Core(Copied):
     @alone
     def observe(self) -> tuple[NDArray[np.float32], Outputs]:
         """Observations and outputs of the present states."""
-        obs, out, *_ = self._run(KernelCall.OBSERVE)
-        return obs, out
+        return self._run(KernelCall.OBSERVE)[:2]
 
     def checked(self, given: Mapping[str, Any], lanes: NDArray[np.int64]) -> options.Given:
         """Options of a reset of some lanes, with those that wait for them and are not given again."""
@@ -276,15 +269,12 @@ class Core(Copied):
         try:
             call = self._goal_rewards.pop()
         except IndexError:
-            call = self._reward_call()
+            entry = self.simulator.kernels(self.memory.count)["goal_reward"]
+            call = Call(self.simulator.arguments["goal_reward"], entry)
         call.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
         call()
         self._goal_rewards.append(call)
         return reward[: len(a)]
-
-    def _reward_call(self) -> Call:
-        entry = self.simulator.kernels(self.memory.count)["goal_reward"]
-        return Call(self.simulator.arguments["goal_reward"], entry)
 
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""

@@ -203,11 +203,7 @@ class EnvBase:
         if name in self.__dict__ or hasattr(type(self), name) or not self._is_number(name):
             object.__setattr__(self, name, value)
         else:
-            self._set_number(name, value, np.arange(self.core.num_envs))
-
-    def _set_number(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
-        """Let lanes have a number from their next episode on, and keep all others."""
-        self.core.let_wait({"parameters": {name: value}}, lanes, keep=True)
+            self.core.let_wait({"parameters": {name: value}}, np.arange(self.core.num_envs), keep=True)
 
     def _is_number(self, name: str) -> bool:
         """Whether a name is that of numbers of the arm, of an effect or of the task."""
@@ -340,7 +336,7 @@ class VectorEnvBase(EnvBase):
     def _set_for(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
         """Set a number of some environments, or an attribute that is there and that all of them share."""
         if self._is_number(name) and name not in self.__dict__:
-            self._set_number(name, value, lanes)
+            self.core.let_wait({"parameters": {name: value}}, lanes, keep=True)
             return
         if name not in SHARED or len(lanes) != self.core.num_envs:
             valid = f"{', '.join(self.parameters)}; or for all environments {', '.join(SHARED)}"
@@ -363,17 +359,14 @@ class VectorEnvBase(EnvBase):
         index : array_like, optional
             Numbers of environments, or a mask (num_envs,), for the state of a single one; None is all.
         """
-        if index is None and not self._is_of_one(state):
+        generators = state.get("generators") if isinstance(state, Mapping) else None
+        of_one = isinstance(generators, list) and len(generators) == 1 < self.core.num_envs
+        if index is None and not of_one:
             super().set_state(state)
         else:
             self.core.take_state(state, lanes_of(index, self.core.num_envs))
             self._begin_trails()
         self._ready = self.core.begun_all
-
-    def _is_of_one(self, state: Any) -> bool:
-        """Whether a state is that of a single environment, and not of this vector."""
-        generators = state.get("generators") if isinstance(state, Mapping) else None
-        return isinstance(generators, list) and len(generators) == 1 < self.core.num_envs
 
     def _checked_actions(self, actions: Any) -> NDArray[np.float32]:
         """Actions of a step as float32, or an error that says what to do first or what to give."""
@@ -388,15 +381,17 @@ class VectorEnvBase(EnvBase):
         self, mask: NDArray[np.bool_], seeds: Sequence[int | None], options: Mapping[str, Any]
     ) -> tuple[Any, Outputs]:
         """Begin episodes in the environments of a mask; observations and outputs."""
-        checked = self.core.checked(options, np.flatnonzero(mask))
+        core = self.core
+        checked = core.checked(options, np.flatnonzero(mask))
         seeded = {lane: seed for lane, seed in enumerate(seeds) if seed is not None and mask[lane]}
-        self.core.seed(np.array([*seeded], dtype=np.int64), [*seeded.values()])
-        self.core.begin(mask, checked)
-        obs, out = self.core.observe()
+        core.waiting[[*seeded]] = False  # their next keys are of new generators
+        core.episode_keys.seed(np.array([*seeded], dtype=np.int64), [*seeded.values()])
+        core.begin(mask, checked)
+        obs, out = core.observe()
         self._ready = True
         if self.render_mode is not None:
             self._see(out)
-        return self.core.observation(obs, out), out
+        return core.observation(obs, out), out
 
     def _stepped(
         self, actions: NDArray[np.float32]
