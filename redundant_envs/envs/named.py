@@ -58,12 +58,11 @@ def __getattr__(name: str) -> type[Any]:
 def _made(name: str, env_id: str, task: str, kind: type[Any]) -> type[Any]:
     """The class, created again if the module of the task was reloaded."""
     home: dict[str, Any] = {"__module__": __name__, "__qualname__": name, "env_id": env_id, "task_name": task}
-    base: type[Any] = GoalArmEnv if kind.goal_conditioned else ArmEnv
-    if name.endswith("VectorEnv"):
-        base = ArmVectorEnv
     # Libraries such as skrl look for a class of Gymnasium among the direct bases.
-    of_gymnasium = VectorEnv if issubclass(base, VectorEnv) else gym.Env
-    return type(name, (base, of_gymnasium), {**home, "__doc__": _Page()})
+    bases: tuple[type[Any], ...] = (GoalArmEnv if kind.goal_conditioned else ArmEnv, gym.Env)
+    if name.endswith("VectorEnv"):
+        bases = ArmVectorEnv, VectorEnv
+    return type(name, bases, {**home, "__doc__": _Page()})
 
 
 @functools.cache
@@ -82,12 +81,6 @@ def action_table(scene: Scene) -> str:
         for k, (joint, limit, unit) in enumerate(units)
     ]
     return markdown(("Num", "Action", "Control Min", "Control Max", "Joint", f"Unit of the {what}"), rows)
-
-
-def observation_table(scene: Scene, task: Task) -> str:
-    """Observed quantities in order."""
-    rows = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
-    return markdown(("Num", "Observation", "Min", "Max"), rows)
 
 
 def reward_table(scene: Scene, task: Task) -> str:
@@ -154,6 +147,7 @@ def page(kind: type[Any], scene_name: Any) -> str:
     arm, joints = scene.robot, len(scene.robot.joints)
     sliders, fast = any(arm.prismatic), f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s, "
     slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
+    observed = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
     drawn = texts()["drawing"].format(arm=arm, joints=joints, slider=slider) if arm.schematic else ""
     return texts()["page"].format(  # type: ignore[no-any-return]
         arm=arm,
@@ -172,9 +166,9 @@ def page(kind: type[Any], scene_name: Any) -> str:
         travel="; prismatic\njoints uniform over their travel" if sliders else "",
         ends=fast if task.speed_bound_ends else "",
         flags="" if task.speed_bound_ends else fast,
-        observed=len(task.observation(scene)),
+        observed=len(observed),
         actions=action_table(scene),
-        observations=observation_table(scene, task),
+        observations=markdown(("Num", "Observation", "Min", "Max"), observed),
         rewards=reward_table(scene, task),
         reward_note=task.reward_note(),
         success_note=task.success_note(),
