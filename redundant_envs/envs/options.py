@@ -79,7 +79,9 @@ def checked_reset(
         check_of_reward(scene, task, numbers)
     if numbers is not None:
         parameters.check_given(scene, numbers, task.parameters())
-        marks = _fixed(episode, numbers, len(lanes))
+        named = {entry for name in numbers for entry in names_of(scene, name, task.parameters())}
+        # For each number that episodes draw, whether these options set it: it is not drawn then.
+        marks = {fixed(n): np.full(len(lanes), float(n in named)) for n in episode.randomized.entries}
         if keep:
             coming = _coming(episode, memory, lanes, found)
             marks = {mark: np.maximum(own, coming.pop(mark)) for mark, own in marks.items()}
@@ -141,13 +143,6 @@ def _check_starts(episode: Episode, memory: Memory, given: Given, lanes: Lanes) 
                 f"options['goal'] is {radius[lane]:.6g} m from the base; the arm reaches "
                 f"{reach[lane]:.6g} m: choose a goal within it"
             )
-
-
-def _fixed(episode: Episode, given: Mapping[str, Any], count: int) -> Table:
-    """For each number that episodes draw, whether options set it for some lanes: it is not drawn then."""
-    scene, of_task = episode.dynamics.scene, episode.task.parameters()
-    named = {entry for name in given for entry in names_of(scene, name, of_task)}
-    return {fixed(entry): np.full(count, float(entry in named)) for entry in episode.randomized.entries}
 
 
 def _narrowest(episode: Episode, values: Table) -> Table:
