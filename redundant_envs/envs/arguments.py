@@ -72,7 +72,6 @@ def check_action(actions: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
 
 
 def refuse_bad_action(actions: NDArray[np.float32]) -> None:
-    """Raise for actions that are not finite."""
     if not np.isfinite(actions).all():
         raise ValueError(
             f"action has non-finite entries: {actions.tolist()}; give finite numbers, or make the "
@@ -80,9 +79,8 @@ def refuse_bad_action(actions: NDArray[np.float32]) -> None:
         )
 
 
-def episode_limit(max_episode_steps: Any) -> float:
-    """Control steps until truncation; None and -1 mean never."""
-    given = max_episode_steps
+def episode_limit(given: Any) -> float:
+    """Control steps until truncation, from ``max_episode_steps``; None and -1 mean never."""
     if given is None or (isinstance(given, Integral) and given == -1):
         return math.inf
     number = isinstance(given, Real) and not isinstance(given, bool)
@@ -108,9 +106,8 @@ def simulated(scene: Scene, task: Task, randomize: Any) -> Scene:
     return scene if randomize else dataclasses.replace(scene, randomize=None)
 
 
-def observed(scene: Scene, task: Task, observe_parameters: Any) -> list[str]:
-    """The scalar parameters that observations show after all else, from names of users."""
-    given = observe_parameters
+def observed(scene: Scene, task: Task, given: Any) -> list[str]:
+    """The scalar parameters that observations show after all else, from ``observe_parameters``."""
     if isinstance(given, str | bytes | Iterator | set | frozenset) or not isinstance(given, Iterable):
         raise ValueError(
             f"observe_parameters is {shown(given)}; give names of numbers, such as ('gravity.g',)"

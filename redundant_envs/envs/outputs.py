@@ -35,12 +35,10 @@ class Outputs(NamedTuple):
 
     @classmethod
     def made(cls, columns: Columns, lanes: int, make: Callable[..., Any] = np.empty) -> Outputs:
-        """Tables for a number of lanes."""
         flags, counts, values = columns.heights
         return cls(make((flags, lanes), np.bool_), make((counts, lanes), np.int64), make((values, lanes)))
 
     def lanes(self, chosen: Any) -> Outputs:
-        """The columns of some lanes."""
         return Outputs(self.flags[:, chosen], self.counts[:, chosen], self.values[:, chosen])
 
 
