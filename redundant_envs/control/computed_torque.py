@@ -99,8 +99,7 @@ class ComputedTorque:
         if gravity and gravity.down[0] != 0.0:
             raise ValueError("scene has gravity along x; the expert handles gravity along -y")
         self.g = -gravity.g * gravity.down[1] if gravity else 0.0
-        self._start: Array = np.zeros((0, joints))
-        self._end: Array = np.zeros((0, joints))
+        self._start, self._end = np.zeros((2, 0, joints))
 
     def begin(self, q: Array, goal: Array, index: NDArray[np.intp] | None = None) -> None:
         """Plan new episodes from poses (n, joints) to goals (n, 2), of all lanes or those in ``index``."""

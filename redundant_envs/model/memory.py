@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import functools
 import os
 from collections.abc import Callable, Sequence
@@ -33,11 +32,9 @@ def aligned(*shape: int) -> Array:
 
 
 def alone(method: Callable[Concatenate[Any, P], R], inner: bool = True) -> Callable[Concatenate[Any, P], R]:
-    """A method that one thread at a time may be in, of all on a ``_memory``; :class:`InUse` in another.
-
-    As an ``inner`` one it may be called by others. A thread is not stopped between the look at ``free`` and
-    its change: CPython switches threads at calls and loops only.
-    """
+    """A method that one thread at a time may be in, of all on a ``_memory``; :class:`InUse` in another. As an
+    ``inner`` one it may be called by others. A thread is not stopped between the look at ``free`` and its
+    change: CPython switches threads at calls and loops only."""
 
     @functools.wraps(method)
     def guarded(self: Any, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -75,11 +72,9 @@ class InUse(RuntimeError):
 
 
 class Memory:
-    """The numbers of ``count`` lanes.
-
-    Lanes beyond ``count`` pad the last block; they hold the nominal scene at rest. All lanes share one block
-    of parameters until they are given different ones. A copy has arrays of its own.
-    """
+    """The numbers of ``count`` lanes. Lanes beyond these pad the last block; they hold the nominal scene at
+    rest. All lanes share one block of parameters until they are given different ones. A copy has arrays of
+    its own."""
 
     def __init__(
         self, dynamics: Dynamics, layout: Layout, count: int, more: dict[str, float], drawn: bool = False
@@ -129,11 +124,6 @@ class Memory:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self.arrays = {name: _aligned_copy(array) for name, array in state["arrays"].items()}
-
-    @property
-    def parameter_stride(self) -> int:
-        """Numbers from the parameters of one block to those of the next."""
-        return 0 if self.shared else self.layout.size(PARAMETER) * LANES
 
     def column(self, name: str) -> Array:
         """A field of all blocks, (blocks, 8); of shared parameters (1, 8)."""
@@ -223,9 +213,8 @@ class Memory:
     @alone
     def restore(self, states: Array, parameters: Array) -> None:
         """Restore numbers of :meth:`save`, of as many lanes."""
-        split = self.arrays[str(STATE)].size
-        self.arrays[str(STATE)][:] = states[:split].reshape(self.arrays[str(STATE)].shape)
-        self.arrays[str(LOG)][:] = states[split:].reshape(self.arrays[str(LOG)].shape)
+        state, log = self.arrays[str(STATE)], self.arrays[str(LOG)]
+        state[:], log[:] = states[: state.size].reshape(state.shape), states[state.size :].reshape(log.shape)
         blocks = parameters.reshape(-1, self.layout.size(PARAMETER), LANES)
         alike = (blocks.view(np.int64) == blocks[:1, :, :1].view(np.int64)).all()
         self.arrays[str(PARAMETER)] = _aligned_copy(blocks)
@@ -233,12 +222,6 @@ class Memory:
         if self.drawn:
             self.part()
         self.version += 1
-
-    def holding(self, states: Array, parameters: Array) -> Memory:
-        """A memory of as many lanes that holds other numbers of :meth:`save`, for inspection."""
-        other = copy.copy(self)
-        other.restore(states, parameters)
-        return other
 
 
 def memory_of_machine() -> int:
@@ -250,8 +233,7 @@ def memory_of_machine() -> int:
 
 
 def _check_size(layout: Layout, count: int) -> None:
-    """ValueError if this machine cannot hold the numbers of so many lanes: the system may end a process that
-    tries."""
+    """ValueError if this machine cannot hold so many lanes: the system may end a process that tries."""
     of_lane, machine = 8 * sum(map(layout.size, KEPT)), memory_of_machine()
     if count * of_lane > machine:
         raise ValueError(

@@ -3,6 +3,7 @@ in which values that belong to a scene must be equal, and a difference is named.
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -223,18 +224,17 @@ def check_numbers(
     name: str, state: Mapping[str, Any], memory: Memory, kept: Iterable[str] = (),
     finite: Iterable[str] = (), task: Task | None = None,
 ) -> None:  # fmt: skip
-    """ValueError unless the "states" and "parameters" of a state may replace those of a memory.
-
-    The parameters ``kept`` are equal in all states, as are :data:`KEPT_FIELDS`; the states ``finite`` are
-    never without a number; the numbers of a task are parameters, too.
-    """
+    """ValueError unless the "states" and "parameters" of a state may replace those of a memory. The
+    parameters ``kept`` are equal in all states, as are :data:`KEPT_FIELDS`; the states ``finite`` are never
+    without a number; the numbers of a task are parameters, too."""
     own, layout, scene = memory.save(), memory.layout, memory.dynamics.scene
     of_task = {} if task is None else task.parameters()
     check_array(name, "states", state["states"], own["states"])
     given, width = state["parameters"], layout.size(PARAMETER) * LANES
     shared = isinstance(given, np.ndarray) and given.size == width  # by all lanes
     check_array(name, "parameters", given, np.empty(width if shared else memory.blocks * width))
-    taken, nominal = memory.holding(state["states"], given), {**scene.parameters(), **of_task}
+    taken, nominal = copy.copy(memory), {**scene.parameters(), **of_task}
+    taken.restore(state["states"], given)
     for row in (*memory.dynamics.parameters.values, *of_task):
         there, here = taken.column(row), memory.column(row)
         if not (np.isfinite(there) | (there == here[:1, :1])).all():  # a side without a stop is infinite

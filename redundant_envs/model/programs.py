@@ -43,10 +43,8 @@ Traced = tuple[Program, Blocks]
 
 
 class Simulator:
-    """A scene in compiled code, and the lanes that it works on.
-
-    The scene is traced unless the folder of the user has its code, and facts under its ``name``.
-    """
+    """A scene in compiled code, and the lanes that it works on. It is traced unless the folder of the user
+    has its code, and facts under its ``name``."""
 
     def __init__(
         self, dynamics: Dynamics, trace: Callable[[], Traced], episode: Episode | None = None, name: str = ""
@@ -236,19 +234,17 @@ class Part(Call):
         if self.version == self.memory.version:
             return
         arrays, self.version = self.memory.arrays, self.memory.version
-        first = 0 if self.memory.shared else self.first
+        first, stride = (0, 0) if self.memory.shared else (self.first, arrays["parameter"][0].size)
         self.set(
             state=arrays["state"][self.first :], log=arrays["log"][self.first :],
-            parameter=arrays["parameter"][first:], parameter_stride=self.memory.parameter_stride,
+            parameter=arrays["parameter"][first:], parameter_stride=stride,
         )  # fmt: skip
 
 
 class Worker:
-    """A thread that runs the calls it is given, one after another, and ends with this object.
-
-    A call begins after 15 us, with an executor of the standard library after 21 (Zen 5, 2026-11-23); a
-    step of 4096 lanes takes 200 to 1000 us.
-    """
+    """A thread that runs the calls it is given, one after another, and ends with this object. A call begins
+    after 15 us, with an executor of the standard library after 21 (Zen 5, 2026-11-23); a step of 4096 lanes
+    takes 200 to 1000 us."""
 
     def __init__(self) -> None:
         self._asked: SimpleQueue[tuple[Callable[[], object], Results] | None] = SimpleQueue()
@@ -297,10 +293,8 @@ SUBSTEP = 800  # ns that a substep of a block takes at least
 
 
 class Team:
-    """A kernel on all blocks of a memory, with the given number of threads.
-
-    A long call can be interrupted, and changes nothing then, neither the memory nor the arrays ``also``.
-    """
+    """A kernel on all blocks of a memory, with the given number of threads. A long call can be interrupted,
+    and changes nothing then, neither the memory nor the arrays ``also``."""
 
     def __init__(
         self, simulator: Simulator, name: str, memory: Memory, threads: int, also: Sequence[NDArray[Any]] = ()
