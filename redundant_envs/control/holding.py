@@ -189,8 +189,7 @@ def _candidates(load: Load, goals: Array, sheets: int, ring: int) -> tuple[Array
     around = sliding_window_view(np.pad(loads, edges, constant_values=np.inf), (3, 3), (-2, -1))
     minima = np.where(loads <= around.min(axis=(-2, -1)), loads, np.inf).reshape(len(goals), -1)
     chosen = np.argpartition(minima, CANDIDATES, axis=-1)[:, :CANDIDATES]
-    best = np.take_along_axis(minima, chosen, axis=-1)
-    return x.reshape(-1, 4)[chosen], sheet.reshape(-1)[chosen], best
+    return x.reshape(-1, 4)[chosen], sheet.reshape(-1)[chosen], np.take_along_axis(minima, chosen, axis=-1)
 
 
 def _descended(

@@ -83,17 +83,14 @@ class Core(Copied):
         check_task(task, self.scene)
         self.simulated = arguments.simulated(self.scene, task, randomize)
         self.observed = arguments.observed(self.scene, task, observe_parameters)
-        self.bounds = arguments.bounds(self.scene, task, self.observed)
-        """Bounds of the numbers that observations show."""
+        self.bounds = arguments.bounds(self.scene, task, self.observed)  # of numbers that observations show
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = self._found_simulator(vars(self))
         self.memory = first_memory(self.episode, self.simulator.layout, num_envs, max_episode_steps)
         self._memory = self.memory
-        self.begun: NDArray[np.bool_] | None = None
-        """Lanes that began a new episode in the last step, if any did."""
-        self.waiting_options: options.Given = {}
-        """Options of episodes that have not begun yet."""
+        self.begun: NDArray[np.bool_] | None = None  # lanes that began an episode in the last step, if any
+        self.waiting_options: options.Given = {}  # of episodes that have not begun yet
         self.actions, self.goal_fields = self.episode.actions, self.episode.goal
         self.columns = Columns(self.episode, info_keys)
         self.episode_keys = EpisodeKeys(num_envs)
@@ -311,9 +308,8 @@ class Core(Copied):
         if single.ended.any():
             raise ValueError("state is of an episode that has ended; take one of an episode that goes on")
         self.provide_keys(lanes[~self.keys[lanes].any(axis=1)])  # to those that have not begun
-        fields = self.memory.layout.fields
         for life in KEPT:
-            names = [name for name in fields if fields[name].lifetime is life and name != "limit"]
+            names = [name for name in self.memory.layout.rows[life] if name != "limit"]
             self.memory.write(names, single.memory.read(names), lanes)
         self.mask[lanes] = self.ended[lanes] = 0
 

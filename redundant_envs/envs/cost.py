@@ -80,7 +80,7 @@ class Timed:
         shares = np.random.default_rng(1).uniform(-1.0, 1.0, (lanes, WARM + TIMED, joints))
         # (intervals, lanes, joints), N m and N, or what the first link of a motor takes
         self.efforts = np.ascontiguousarray(commands(scene) * shares.swapaxes(0, 1))
-        self.cores = observers(scene, lanes)
+        self.cores = observers(scene, lanes)  # with sensors, and without; none without sensors
         self.evaluations = self.faults = 0.0  # means of a lane and timed interval
 
     def sample(self) -> list[float]:
@@ -103,13 +103,12 @@ class Timed:
     @cached_property
     def price(self) -> tuple[int, int]:
         """Operations of a control step of a lane, and bytes of its memory, without those of a task."""
-        bills = bill(self.batch.scene).items()
-        found = [counts for owner, counts in bills if owner not in OF_ENVIRONMENT]
+        found = [counts for owner, counts in bill(self.batch.scene).items() if owner not in OF_ENVIRONMENT]
         return sum(sum(counts) - counts.bytes for counts in found), sum(counts.bytes for counts in found)
 
 
 def observers(scene: Scene, lanes: int) -> tuple[Core, ...]:
-    """The environment of a scene with sensors, and that without them; none without sensors or motors."""
+    """The environment of a scene with sensors, and that without them; none where a scene can be none."""
     sensors = scene.attached.keys_of(Sensing)
     if not sensors or not scene.action_units() or not {*scene.robot.sliders()} <= scene.travel().keys():
         return ()

@@ -35,8 +35,6 @@ PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
 """First letters of the numbers of an arm, and the names that users give to all of them."""
-
-
 COPIES = (
     "numbers of an environment are copies, which change nothing; set them by reset(options=...) or "
     "set_options(...), with 'q', 'qd', 'goal' or 'parameters': {name: numbers}"

@@ -61,10 +61,8 @@ class Columns:
         shown = {labels.get(name) or SUM.sub(rf"{RETURN}\1", name): name for name in found}
         self.names = [*shown, DRAWN] if self.drawn else [*shown]
         asked = checked_keys(info_keys, self.names)
-        self.names = [name for name in self.names if name in asked]
-        """Names in ``info``."""
-        self.shown = {name: shown[name] for name in self.names if name != DRAWN}
-        """Quantities of these names."""
+        self.names = [name for name in self.names if name in asked]  # in info
+        self.shown = {name: shown[name] for name in self.names if name != DRAWN}  # quantities of these names
         self.shows_drawn = DRAWN in asked
         self._of_vectors = [(name, f"_{name}", *self._places[own]) for name, own in self.shown.items()]
 

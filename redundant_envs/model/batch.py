@@ -16,7 +16,6 @@ from redundant_envs.effects.hooks import Impact
 from redundant_envs.language.philox import LOW, philox
 from redundant_envs.model import parameters
 from redundant_envs.model.memory import Memory, alone, first
-from redundant_envs.model.parameters import check_facts, check_keys, check_numbers, simulator_facts
 from redundant_envs.model.programs import Copied, Simulator, Team, address, batch_simulator
 from redundant_envs.scenes.scene import Scene, check_scene
 from redundant_envs.simulator.lane.event_log import MAX_LOGGED
@@ -25,7 +24,6 @@ from redundant_envs.simulator.lane.fields import LOG
 from redundant_envs.support.values import shown, whole_number
 
 Numerics = Fault
-
 OUTPUTS: dict[str, type[Any]] = {
     "finite": np.bool_, "evaluations": np.int64, "error": np.float64, "events": np.int64, "numerics": np.int8,
 }  # fmt: skip
@@ -109,8 +107,7 @@ class BatchSimulator(Copied):
     def _connect(self) -> None:
         simulator, memory, dynamics = self.simulator, self._memory, self.simulator.dynamics
         self._team = Team(simulator, "advance", memory, self.threads)
-        computed = dynamics.effect_states.computed
-        self._beginning = Team(simulator, "begin", memory, 1) if computed else None
+        self._beginning = Team(simulator, "begin", memory, 1) if dynamics.effect_states.computed else None
         filled = {name: np.zeros(memory.blocks * LANES, kind) for name, kind in OUTPUTS.items()}
         filled["error"][:] = np.nan
         filled["evaluations"][:] = self.scene.substeps * dynamics.method.stages
@@ -252,14 +249,14 @@ class BatchSimulator(Copied):
         If the snapshot belongs to another scene, ``num_envs`` or ``track_work``, a ValueError names the
         difference, and nothing changes.
         """
-        check_keys("snapshot", snapshot, ("simulator", "states", "parameters"), "save")
-        check_facts("snapshot", snapshot["simulator"], self._facts)
-        check_numbers("snapshot", snapshot, self._memory)
+        parameters.check_keys("snapshot", snapshot, ("simulator", "states", "parameters"), "save")
+        parameters.check_facts("snapshot", snapshot["simulator"], self._facts)
+        parameters.check_numbers("snapshot", snapshot, self._memory)
         self._memory.restore(snapshot["states"], snapshot["parameters"])
 
     @cached_property
     def _facts(self) -> str:
-        return simulator_facts(self.simulator, self.num_envs)
+        return parameters.simulator_facts(self.simulator, self.num_envs)
 
     @first
     def advance(self, efforts: ArrayLike | None = None) -> Status:
@@ -273,9 +270,8 @@ class BatchSimulator(Copied):
         return self._advanced(efforts)
 
     def _advanced(self, efforts: ArrayLike | None) -> Status:
-        n = self.num_envs
         given = np.zeros(self.simulator.dynamics.count) if efforts is None else efforts
-        table = self._table("efforts", given, n)
+        table = self._table("efforts", given, self.num_envs)
         if not table.flags.carray:
             table = table.copy(order="C")
         start, size = address(table), table.strides[0]

@@ -76,8 +76,7 @@ def at_joints(scene: Scene, a: Attached[Force], field: str, x: Quantities) -> Ar
         alone = np.zeros((*shape, n))
         alone[..., a.hook.joint] = force
         return alone
-    k = a.hook.joint.number + 1
-    along = (x.each(f"{axis}{k}{j + 1}" for j in range(n)) for axis in "XY")
+    along = (x.each(f"{axis}{a.hook.joint.number + 1}{j + 1}" for j in range(n)) for axis in "XY")
     at_coordinates = [dx * force[0] + dy * force[1] for dx, dy in zip(*along, strict=True)]
     columns = np.stack([np.broadcast_to(f, shape) for f in at_coordinates], axis=-1)
     return np.asarray(columns @ np.linalg.inv(arm.motor_map).T, dtype=np.float64)

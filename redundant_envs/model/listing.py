@@ -39,6 +39,8 @@ COUNTED = {
     **dict.fromkeys(COMPARISONS, ("comparisons",)),
 }  # fmt: skip
 """Kinds as which an operation counts; a minimum is a comparison and a selection."""
+COMMON = ("interval", "step", "common", "common_held", "end")
+"""Functions of the step that all lanes take together, counted by its parts, and of lanes at rest."""
 BYTES = 8
 Counts = dict[str, Counter[str]]  # operations by owner and kind
 
@@ -180,10 +182,6 @@ def _of_events(owned: Counter[str], full: Counts, without: Counts, blocks: Block
     return found
 
 
-COMMON = ("interval", "step", "common", "common_held", "end")
-"""Functions of the step that all lanes take together, counted by its parts, and of lanes at rest."""
-
-
 def _of_function(function: LaneFunction) -> Counts:
     """Operations of a function and of the stages that it calls, by owner."""
     nodes = reached(function.results)
@@ -200,9 +198,8 @@ def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:
         interval = Interval(Dynamics(scene))
         episode = Episode(interval, task)
         layout = episode.layout()
-        step, observe, reset = episode.finish_control_step, episode.observe, episode.reset
-        parts = (("reward", step), ("observation", observe), ("reset", reset))
-        made = {name: traced(name, layout, part) for name, part in parts}
+        each = {"reward": episode.finish_control_step, "observation": episode.observe, "reset": episode.reset}
+        made = {name: traced(name, layout, part) for name, part in each.items()}
         if scene.action_units():
             given = {"actions": ("f32", episode.actions)}
             made["action"] = traced("action", layout, episode.command, inputs=given)
@@ -222,9 +219,7 @@ def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:
 
 def _add(counts: Counts, more: Counts, times: int = 1) -> None:
     for owner, kinds in more.items():
-        known = counts.setdefault(owner, Counter())
-        for kind, number in kinds.items():
-            known[kind] += times * number
+        counts.setdefault(owner, Counter()).update({kind: times * n for kind, n in kinds.items()})
 
 
 def _counted(nodes: Iterable[Operation], part: str | None = None) -> Counts:

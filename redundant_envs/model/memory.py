@@ -19,6 +19,7 @@ from redundant_envs.support.values import shown
 
 Array = NDArray[np.float64]
 KEPT = (STATE, LOG, PARAMETER)
+IN_USE, NOBODY = -1, 0  # instead of the version of a memory, and of a thread
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -56,9 +57,6 @@ def first(method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Any,
     """The same for a method that no other one calls: :class:`InUse` in the same thread, too, where a handler
     of a signal would call it in the middle of another one."""
     return alone(method, inner=False)
-
-
-IN_USE, NOBODY = -1, 0
 
 
 class InUse(RuntimeError):

@@ -21,6 +21,9 @@ from redundant_envs.simulator.lane.fields import PARAMETER
 from redundant_envs.support.values import shown
 from redundant_envs.tasks.base import Task, hard_stops
 
+KEPT_FIELDS = ("h", "interval", "control_dt", "tip_tolerance", "limit")
+"""Parameters that belong to a simulator and to none of its states."""
+
 
 def numbers(name: str, values: Any) -> NDArray[np.float64]:
     """Real numbers as an array; a ValueError that names them if they are anything else, truths among them."""
@@ -148,10 +151,6 @@ def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) 
         memory.prepare()
 
 
-KEPT_FIELDS = ("h", "interval", "control_dt", "tip_tolerance", "limit")
-"""Parameters that belong to a simulator and to none of its states."""
-
-
 def simulator_facts(simulator: Simulator, num_envs: int, **more: Any) -> str:
     """Data that must be equal for a state and the simulator that takes it, as JSON text."""
     dynamics = simulator.dynamics
@@ -194,8 +193,7 @@ def _differences(name: str, there: Any, here: Any) -> Iterator[str]:
     """Differences between plain data: names, with both values."""
     if isinstance(there, dict) and isinstance(here, dict):
         for key in [*here, *(k for k in there if k not in here)]:
-            inner = f"{name}.{key}" if name else key
-            yield from _differences(inner, there.get(key), here.get(key))
+            yield from _differences(f"{name}.{key}" if name else key, there.get(key), here.get(key))
     elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
         for k, pair in enumerate(zip(there, here, strict=True)):
             yield from _differences(f"{name}[{k}]", *pair)

@@ -40,6 +40,7 @@ from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.tasks.base import Task
 
 Traced = tuple[Program, Blocks]
+Results = SimpleQueue[BaseException | None]
 
 
 class Simulator:
@@ -270,9 +271,6 @@ class Worker:
         self._asked.put((results.empty, results))
         results.get()
         self._results = results
-
-
-Results = SimpleQueue[BaseException | None]
 
 
 def _serve(asked: SimpleQueue[Any]) -> None:

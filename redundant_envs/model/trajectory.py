@@ -25,6 +25,7 @@ from redundant_envs.support.values import shown, warn
 
 Array = NDArray[np.float64]
 Efforts = None | ArrayLike | Callable[[float, Array, Array], ArrayLike]
+TOLD = "_error_told"  # attribute of a scene whose user knows how inaccurate its steps are
 
 
 @dataclass(frozen=True)
@@ -239,9 +240,6 @@ def _check(status: Status, time: float) -> None:
             "control_dt or a softer scene",
             stacklevel=3,
         )
-
-
-TOLD = "_error_told"  # attribute of a scene whose user knows how inaccurate its steps are
 
 
 def _tell_error(scene: Scene, largest: float) -> None:
