@@ -51,11 +51,9 @@ GLYPHS: dict[str, tuple[float, str]] = read_yaml(Path(__file__).with_name("lette
 
 
 class Canvas:
-    """A picture with the base of the arm in its middle; (height, width, 3) uint8 in ``pixels``.
-
-    Its shorter side shows 2 ``half_width`` [m]. Sizes in px are for one of 480, where ``scale`` px are 1 m;
-    in a picture whose shorter side is another, all are larger or smaller by ``unit``.
-    """
+    """A picture with the base of the arm in its middle; (height, width, 3) uint8 in ``pixels``. Its shorter
+    side shows 2 ``half_width`` [m]. Sizes in px are for one of 480, where ``scale`` px are 1 m; in a picture
+    whose shorter side is another, all are larger or smaller by ``unit``."""
 
     def __init__(
         self, half_width: float, width: int = SIZE, height: int = SIZE,
@@ -137,11 +135,9 @@ class Canvas:
         self.pixels[index] = patch
 
     def trail(self, points: Points, width: float, color: Color, faint: float, strong: float) -> None:
-        """A line through points (n, 2) that fades towards the first; width in pixels.
-
-        All its segments are drawn at once: along the longer of its two directions a segment has a
-        pixel for each column, and across a few rows. Where segments overlap the stronger one shows.
-        """
+        """A line through points (n, 2) that fades towards the first; width in pixels. All its segments are
+        drawn at once: along the longer of its two directions a segment has a pixel for each column, and
+        across a few rows. Where segments overlap the stronger one shows."""
         points = points[np.isfinite(points).all(axis=1)]
         if len(points) < 2:
             return
@@ -243,9 +239,8 @@ def cover(text: str, height: float) -> NDArray[np.float32]:
         for stroke in filter(None, strokes.split(";")):
             points = [tuple(map(float, pair.split(","))) for pair in stroke.split()]
             for (ax, ay), (bx, by) in itertools.pairwise(points):
-                away = from_segment(
-                    x - (left + unit * ax), y - (3.0 + unit * ay), unit * (bx - ax), unit * (by - ay)
-                )
+                place = x - (left + unit * ax), y - (3.0 + unit * ay)
+                away = from_segment(*place, unit * (bx - ax), unit * (by - ay))
                 np.minimum(nearest, away, out=nearest)
         left += unit * (own + GAP)
     result = np.clip(np.float32(0.5 + 0.5 * STROKE * unit) - nearest, 0.0, 1.0)
@@ -282,14 +277,13 @@ def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) ->
         for j in (1, 0) if k == 0 else (k + 1,):  # behind this link, that of the next slider
             if j in along and j in travel:
                 _rail(canvas, ends[j + 1] - q[j] * along[j], along[j], travel[j])
+        width = 17.0 - 5.0 * link if any(arm.prismatic) else 17.0 - 3.0 * k + (k > 2)
+        width = max(8.0 - 2.0 * link, 4.0) if slides else max(width, 7.0)
+        canvas.capsule(ends[k], ends[k + 1], width, color)
         if slides:
             across = 7.0 / canvas.scale * along[k]
-            canvas.capsule(ends[k], ends[k + 1], max(8.0 - 2.0 * link, 4.0), color)
             sides, carriage = (ends[k + 1] - across, ends[k + 1] + across), max(13.0 - 2.0 * link, 7.0)
             canvas.capsule(*sides, carriage, palette.LINKS[max(k - 1, 0) % len(palette.LINKS)])
-        else:
-            width = 17.0 - 5.0 * link if any(arm.prismatic) else 17.0 - 3.0 * k + (k > 2)
-            canvas.capsule(ends[k], ends[k + 1], max(width, 7.0), color)
     for k, slides in enumerate(arm.prismatic):
         if not slides:
             canvas.disc(ends[k], 4.5, palette.JOINT)

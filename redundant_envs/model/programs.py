@@ -305,17 +305,13 @@ class Team:
         self._long = longest if least < longest else 0  # ns of a call that is long
         # ns that the last call took; of the first one, what it may take
         self._took = 0 if scene.tolerance is None or memory.blocks == 1 else self._long
-        self._start()
+        self._workers: list[Worker] = []
+        self._process = os.getpid()
 
     @property
     def is_long(self) -> bool:
         """Whether the next call may take long."""
         return self._took >= self._long
-
-    def _start(self) -> None:
-        """Threads belong to a process: a forked process starts its own, when it needs them."""
-        self._workers: list[Worker] = []
-        self._process = os.getpid()
 
     def __call__(self) -> None:
         start, long = time.perf_counter_ns(), self.is_long
@@ -329,8 +325,8 @@ class Team:
 
     def _share_out(self, long: bool) -> None:
         """Run each part in a thread: the first one in this thread, unless it may have to be interrupted."""
-        if self._process != os.getpid():
-            self._start()
+        if self._process != os.getpid():  # threads belong to a process: a forked one starts its own
+            self._workers, self._process = [], os.getpid()
         parts = self.parts if long else self.parts[1:]
         self._workers += [Worker() for _ in parts[len(self._workers) :]]
         workers = self._workers[: len(parts)]

@@ -217,9 +217,7 @@ def _motor_efforts(batch: BatchSimulator, command: Array, elapsed: float, begun:
 def _instant(time: float, dt: float) -> int:
     """The last control instant not after a time: the largest k whose ``k * dt``, rounded, is not above it."""
     k = int(time / dt)  # one off where the quotient is rounded over a whole number
-    if k * dt > time:
-        return k - 1
-    return k + 1 if (k + 1) * dt <= time else k
+    return next(n for n in (k + 1, k, k - 1) if n * dt <= time)
 
 
 def _check(status: Status, time: float) -> None:
