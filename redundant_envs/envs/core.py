@@ -26,8 +26,7 @@ from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
 from redundant_envs.simulator.lane.fields import Layout
 from redundant_envs.support.values import shown, whole_number
-from redundant_envs.tasks import Task
-from redundant_envs.tasks.base import range_of_starts
+from redundant_envs.tasks.base import Task, range_of_starts
 from redundant_envs.tasks.checks import check_task
 
 OF_LANES = ("keys", "mask", "waiting", "ended")

@@ -9,7 +9,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from redundant_envs.compiler.tracing.flow import LANES
@@ -100,7 +99,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         """One control step; the action is (joints,) in [-1, 1], in units of the effort limits."""
         if self._operation is None:
             when = "after the end of the episode" if self.core.begun_all else "before reset"
-            raise ResetNeeded(f"step was called {when}; call reset() first")
+            raise gym.error.ResetNeeded(f"step was called {when}; call reset() first")
         obs, (terminated, reward, info) = self._lane.step(action, self._operation)
         if reward != reward and self._operation == KernelCall.CHECKED_STEP:
             refuse_bad_action(np.asarray(action, np.float32))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -59,7 +58,7 @@ def read_only(numbers: NDArray[np.float64]) -> Copy:
     return numbers.view(Copy)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Parameter:
     """A number of an environment, or several with one name: ``value`` and ``unit``.
 
@@ -105,7 +104,6 @@ class Parameters(Mapping[str, Parameter]):
 
 
 def parameters_of(core: Core) -> Parameters:
-    """The numbers of all lanes of a core."""
     scene, task = core.scene, core.task
     units = {**scene.robot.units, **task.units, **scene.units()}
     named: dict[str, list[str]] = {}

@@ -29,7 +29,6 @@ class EpisodeKeys:
         self._left = np.zeros(count, dtype=np.int64)
 
     def seed(self, lanes: NDArray[np.int64], seeds: list[int]) -> None:
-        """Give lanes new generators."""
         if len(lanes) >= MANY and max(seeds) <= LARGEST_SEED:
             self._drawn[lanes], self._left[lanes] = first_keys(seeds), AHEAD
             for lane, seed in zip(lanes.tolist(), seeds, strict=True):

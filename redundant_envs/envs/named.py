@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-from gymnasium.vector import VectorEnv
 
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
 from redundant_envs.envs.outputs import ALL, Columns
@@ -61,7 +60,7 @@ def _made(name: str, env_id: str, task: str, kind: type[Any]) -> type[Any]:
     # Libraries such as skrl look for a class of Gymnasium among the direct bases.
     bases: tuple[type[Any], ...] = (GoalArmEnv if kind.goal_conditioned else ArmEnv, gym.Env)
     if name.endswith("VectorEnv"):
-        bases = ArmVectorEnv, VectorEnv
+        bases = ArmVectorEnv, gym.vector.VectorEnv
     return type(name, bases, {**home, "__doc__": _Page()})
 
 
@@ -72,7 +71,6 @@ def texts() -> dict[str, Any]:
 
 
 def action_table(scene: Scene) -> str:
-    """Actions with their limits."""
     values = scene.parameters()
     units = zip(scene.robot.joints, scene.action_units(), scene.command_units(), strict=True)
     what = "effort" if {*scene.command_units()} <= {"N", "N m"} else "command"

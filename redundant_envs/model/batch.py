@@ -147,10 +147,8 @@ class BatchSimulator(Copied):
 
     @alone
     def events(self, start: float = 0.0) -> list[Event]:
-        """Events at stops in the last interval, which began at ``start`` [s]; needs ``track_work``.
-
-        A ValueError if a lane had more events, rests and releases included, than are kept.
-        """
+        """Events at stops in the last interval, which began at ``start`` [s]; needs ``track_work``. A
+        ValueError if a lane had more events, rests and releases included, than are kept."""
         features, memory = self.simulator.features, self._memory
         if not features.stops:
             return []
@@ -172,10 +170,8 @@ class BatchSimulator(Copied):
 
     @first
     def set_state(self, q: ArrayLike, qd: ArrayLike, index: ArrayLike | None = None) -> None:
-        """Set coordinates and velocities, (..., joints), of all lanes or of those in ``index``.
-
-        States of effects get their initial values, and no slider is held at a stop.
-        """
+        """Set coordinates and velocities, (..., joints), of all lanes or of those in ``index``. States of
+        effects get their initial values, and no slider is held at a stop."""
         lanes, arm = parameters.lanes_of(index, self.num_envs), self.scene.robot
         positions, rates = (self._table(name, x, len(lanes)) for name, x in (("q", q), ("qd", qd)))
         parameters.check_stops(self.scene, positions, parameters.stops_of(self._memory, lanes))
@@ -201,10 +197,8 @@ class BatchSimulator(Copied):
 
     @first
     def set_draws(self, draws: ArrayLike, index: ArrayLike | None = None) -> None:
-        """Let the draws of lanes follow from others, (5,) or (lanes, 5), as :attr:`draws` has them.
-
-        States keep their values; :meth:`set_state` begins with the new draws.
-        """
+        """Let the draws of lanes follow from others, (5,) or (lanes, 5), as :attr:`draws` has them. States
+        keep their values; :meth:`set_state` begins with the new draws."""
         lanes, names = parameters.lanes_of(index, self.num_envs), self.simulator.dynamics.draw_fields
         if not names:
             raise ValueError("no effect of the scene draws; leave set_draws out")
@@ -235,20 +229,15 @@ class BatchSimulator(Copied):
 
     @first
     def save(self) -> dict[str, Any]:
-        """A snapshot of everything: states, parameters and modes of all lanes.
-
-        It may be pickled, and ``np.savez(file, **snapshot)`` writes it; :meth:`restore` takes the result of
-        ``np.load(file)``.
-        """
+        """A snapshot of everything: states, parameters and modes of all lanes. It may be pickled, and
+        ``np.savez(file, **snapshot)`` writes it; :meth:`restore` takes the result of ``np.load(file)``."""
         return {"simulator": self._facts, **self._memory.save()}
 
     @first
     def restore(self, snapshot: Mapping[str, Any]) -> None:
-        """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit.
-
-        If the snapshot belongs to another scene, ``num_envs`` or ``track_work``, a ValueError names the
-        difference, and nothing changes.
-        """
+        """Return to a snapshot of :meth:`save`; the continuation is the same to the last bit. If the snapshot
+        belongs to another scene, ``num_envs`` or ``track_work``, a ValueError names the difference, and
+        nothing changes."""
         parameters.check_keys("snapshot", snapshot, ("simulator", "states", "parameters"), "save")
         parameters.check_facts("snapshot", snapshot["simulator"], self._facts)
         parameters.check_numbers("snapshot", snapshot, self._memory)
@@ -282,11 +271,9 @@ class BatchSimulator(Copied):
 
     @first
     def advance_partly(self, efforts: ArrayLike | None, duration: float) -> Status:
-        """Advance by ``duration`` [s] instead of a control interval, in as many substeps.
-
-        It is an interval of its own, with a start and an end; an instant of an effect happens in it if it is
-        nearer to the start than ``duration``.
-        """
+        """Advance by ``duration`` [s] instead of a control interval, in as many substeps. It is an interval
+        of its own, with a start and an end; an instant of an effect happens in it if it is nearer to the
+        start than ``duration``."""
         number = isinstance(duration, int | float | np.integer | np.floating)
         duration = float(duration) if isinstance(duration, np.floating) else duration
         if not number or not 0.0 < duration <= sys.float_info.max:

@@ -22,8 +22,7 @@ from redundant_envs.simulator.lane.fields import LOG, Layout
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import traced
 from redundant_envs.support.notebook import as_html, table
-from redundant_envs.tasks import ReachTask
-from redundant_envs.tasks.base import Task
+from redundant_envs.tasks import ReachTask, Task
 from redundant_envs.tasks.checks import check_task
 
 PACKAGE = Path(__file__).parents[1]

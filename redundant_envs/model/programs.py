@@ -139,7 +139,6 @@ def _kept_or_made(make: Callable[..., Simulator], scene: Scene, *more: Any) -> S
 
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
-    """The simulator of a batch."""
     return _kept_or_made(traced_batch, scene, track_work)
 
 
@@ -212,23 +211,14 @@ class Part(Call):
     def __init__(self, simulator: Simulator, name: str, memory: Memory, first: int, last: int) -> None:
         super().__init__(simulator.arguments[name], simulator.kernels(memory.count)[name])
         self.memory, self.first = memory, first
-        self._own = aligned(simulator.scratch_size), np.zeros(simulator.queue_size, dtype=np.int64)
-        scratch, queue = self._own
+        self.scratch = aligned(simulator.scratch_size)
+        self.queue = np.zeros(simulator.queue_size, dtype=np.int64)
         self.set(
-            scratch=scratch, queue=queue, substeps=simulator.dynamics.scene.substeps,
+            scratch=self.scratch, queue=self.queue, substeps=simulator.dynamics.scene.substeps,
             count=min(last * LANES, memory.count) - first * LANES,
         )  # fmt: skip
         self.version = -1  # that of the memory when the kernel got the addresses of its arrays
         self.set_pointers()
-
-    def stop(self) -> None:
-        """Let a call that runs end at once, without a result."""
-        self._own[1][-1] = 1
-
-    def clear(self) -> None:
-        """Let calls begin anew after one that was stopped."""
-        for array in self._own:
-            array[:] = 0
 
     def set_pointers(self) -> None:
         """Give the kernel the addresses of the memory: parameters get new arrays when lanes differ."""
@@ -353,13 +343,13 @@ class Team:
     def _settle(self, arrays: Sequence[NDArray[Any]], before: Sequence[NDArray[Any]]) -> None:
         """Wait until no part writes to the memory, and undo what those of a long call have done."""
         for part in self.parts if arrays else ():
-            part.stop()
+            part.queue[-1] = 1  # a call that runs ends at once, without a result
         for worker in self._workers:
             worker.settle()
         for array, content in zip(arrays, before, strict=True):
             array[:] = content
         for part in self.parts if arrays else ():
-            part.clear()
+            part.scratch[:] = part.queue[:] = 0  # calls begin anew
 
 
 class Copied(ABC):
