@@ -90,10 +90,8 @@ class ComputedTorque:
         limits, friction, gravity = found
         if limits is None:
             raise ValueError("scene has no EffortLimits; the expert returns actions in their units")
-        if scene.action_units() != tuple(f"{limits.key}.{name}" for name in limits.parameters()):
-            raise ValueError(
-                f"actions are shares of {scene.action_units()[0]}; the expert knows efforts alone"
-            )
+        if (units := scene.action_units()) != tuple(f"{limits.key}.{name}" for name in limits.parameters()):
+            raise ValueError(f"actions are shares of {units[0]}; the expert knows efforts alone")
         self.limits = np.array(limits.limits)
         self.friction = np.array(friction.coefficients) if friction else np.zeros(joints)
         if gravity and gravity.down[0] != 0.0:

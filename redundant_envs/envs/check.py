@@ -150,11 +150,10 @@ class _VectorCheck(_Check):
 
     def check_infos(self, infos: Any) -> None:
         self.need("infos", isinstance(infos, dict), type(infos).__name__)
-        for key in infos:
-            if not key.startswith("_"):
-                mask = infos.get(f"_{key}")
-                good = isinstance(mask, np.ndarray) and mask.shape == (self.n,) and mask.dtype == np.bool_
-                self.need("infos", good, f"no mask for {key!r}")
+        for key in (k for k in infos if not k.startswith("_")):
+            mask = infos.get(f"_{key}")
+            good = isinstance(mask, np.ndarray) and mask.shape == (self.n,) and mask.dtype == np.bool_
+            self.need("infos", good, f"no mask for {key!r}")
 
     def check_ends(self, mode: AutoresetMode) -> None:
         env = self.env

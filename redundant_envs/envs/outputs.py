@@ -49,9 +49,7 @@ class Columns:
         self.tables = episode.tables
         self.heights = [len(names) for names in self.tables.values()]
         self.goal = episode.goal
-        self._places = {
-            name: (k, row) for k, t in enumerate(self.tables.values()) for row, name in enumerate(t)
-        }
+        self._places = {name: (k, i) for k, t in enumerate(self.tables.values()) for i, name in enumerate(t)}
         hidden = (*ENDS, *TIP, *GOAL, *episode.drawn)
         self.drawn_fields, named = episode.drawn, episode.randomized.fields_by_name
         self.drawn = {name: len(fields) for name, fields in named.items()}

@@ -362,15 +362,13 @@ class Drawing:
         made_for = (half_width, reach, behind)
         if self._background[0] != made_for:
             canvas = Canvas(half_width, self.width, self.height)
-            for shape in behind:
-                if isinstance(shape, shapes.HalfPlane):
-                    canvas.half_plane(shape.point, shape.normal, palette.OBSTACLE, palette.EDGE)
+            for plane in (x for x in behind if isinstance(x, shapes.HalfPlane)):
+                canvas.half_plane(plane.point, plane.normal, palette.OBSTACLE, palette.EDGE)
             canvas.disc((0.0, 0.0), canvas.scale * reach, palette.REACH, ring=2.0)
-            for shape in behind:
-                if isinstance(shape, shapes.Circle):
-                    radius = max(canvas.scale * shape.radius, 4.0)
-                    canvas.disc(shape.centre, radius, palette.OBSTACLE if radius > 4.0 else palette.EDGE)
-                    canvas.disc(shape.centre, radius, palette.EDGE, ring=2.4)
+            for circle in (x for x in behind if isinstance(x, shapes.Circle)):
+                radius = max(canvas.scale * circle.radius, 4.0)
+                canvas.disc(circle.centre, radius, palette.OBSTACLE if radius > 4.0 else palette.EDGE)
+                canvas.disc(circle.centre, radius, palette.EDGE, ring=2.4)
             self._background = made_for, canvas.pixels
         canvas = Canvas(half_width, self.width, self.height, self._background[1])
         moved = [x.displacement for x in found if isinstance(x, shapes.Ground)]
@@ -383,10 +381,9 @@ class Drawing:
     ) -> None:
         """The arm with the ends of its travel, and its cables and loads."""
         draw_links(canvas, shapes.Pose(arm, q, {}), stated_limits(self.scene, known))
-        for shape in found:
-            if isinstance(shape, shapes.Line):
-                for a, b in itertools.pairwise(shape.points):
-                    canvas.capsule(a, b, 3.0, palette.CABLE if shape.taut else palette.SLACK)
+        for line in (x for x in found if isinstance(x, shapes.Line)):
+            for a, b in itertools.pairwise(line.points):
+                canvas.capsule(a, b, 3.0, palette.CABLE if line.taut else palette.SLACK)
         held: dict[Pair, float] = {}
         for load in (x for x in found if isinstance(x, shapes.Load)):
             total = held.get(load.place, 0.0) + load.mass

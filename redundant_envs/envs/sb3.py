@@ -31,12 +31,10 @@ with needs("train"):
 
 
 class SB3VecEnv(VectorEnvBase, VecEnv):
-    """Lanes of a core as a VecEnv; use :func:`make_sb3`.
-
-    A done environment begins its next episode in the same step; the last observation is in
-    ``infos[i]["terminal_observation"]``, and with ``monitor`` the return, the control steps and the time of
-    its episode, s since the environments were made, in ``infos[i]["episode"]``.
-    """
+    """Lanes of a core as a VecEnv; use :func:`make_sb3`. A done environment begins its next episode in the
+    same step; the last observation is in ``infos[i]["terminal_observation"]``, and with ``monitor`` the
+    return, the control steps and the time of its episode, s since the environments were made, in
+    ``infos[i]["episode"]``."""
 
     def __init__(
         self, core: Core, on_bad_action: str = "terminate", render_mode: str | None = None,

@@ -43,11 +43,9 @@ class Event:
 
 
 class Status(NamedTuple):
-    """Results of one control interval, per lane: (num_envs,) each.
-
-    ``error_estimate`` is the tip error of the interval [m]; of dop853 that of its last step in units of its
-    tolerance; NaN for methods without an estimate. Arrays that are the same in every interval are read-only.
-    """
+    """Results of one control interval, per lane: (num_envs,) each. ``error_estimate`` is the tip error of the
+    interval [m]; of dop853 that of its last step in units of its tolerance; NaN for methods without an
+    estimate. Arrays that are the same in every interval are read-only."""
 
     finite: NDArray[np.bool_]  # whether all states are finite
     evaluations: NDArray[np.int64]  # of the right-hand side

@@ -196,11 +196,9 @@ class Memory:
     def begin(self, index: NDArray[Any]) -> None:
         """Begin a new motion: reset fields but positions and velocities; computed states to 0."""
         self.forget(index)
-        for name, initial in self.dynamics.effect_states.initial.items():
+        zero = dict.fromkeys((name for name in ("work", INTERVALS) if name in self), 0.0)
+        for name, initial in {**self.dynamics.effect_states.initial, **zero}.items():
             self.write((name,), initial, index)
-        for name in ("work", INTERVALS):
-            if name in self:
-                self.write((name,), 0.0, index)
 
     @alone
     def save(self) -> dict[str, Array]:
