@@ -33,6 +33,7 @@ Sheet = NDArray[np.int64]
 Load = Callable[[Array, Sheet, Array], Array]
 """Largest effort / limit (...), of x = (psi1, psi2, and with a tolerance the point near the goal), sheets and
 goals (..., 2)."""
+SLACK = 1e-9  # a goal that is out of reach by at most this distance counts as reached, m: that is rounding
 
 
 def static_efforts(scene: Scene, q: ArrayLike) -> Array:
@@ -216,9 +217,6 @@ def _descended(
     return x, best
 
 
-SLACK = 1e-9  # a goal that is out of reach by at most this distance counts as reached, m: that is rounding
-
-
 def num_sheets(arm: Arm) -> int:
     """Number of sheets: each turn except that of the last link may go to either side. ValueError unless all
     links have fixed lengths, or there are two that both extend."""
@@ -284,8 +282,7 @@ def _two_extending_links(
     least = np.maximum(low2, abs(distance - a) - l2)
     most = np.minimum(high2, distance + a - l2)
     r2 = np.clip(_between(least, most, psi[..., 1]), low2, high2)
-    turn = _turn(distance, a, l2 + r2, psi[..., 1])
-    theta1 = np.arctan2(goals[..., 1], goals[..., 0]) + sides[0] * turn
+    theta1 = np.arctan2(goals[..., 1], goals[..., 0]) + sides[0] * _turn(distance, a, l2 + r2, psi[..., 1])
     theta2 = np.arctan2(goals[..., 1] - a * np.sin(theta1), goals[..., 0] - a * np.cos(theta1))
     return [theta1, r1, theta2, r2], reached
 

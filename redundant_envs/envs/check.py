@@ -45,6 +45,7 @@ SB3_RULES = {
     "attributes": "get_attr('render_mode') and env_is_wrapped give num_envs entries",
 }
 MAX_STEPS = 1000
+same = functools.partial(data_equivalence, exact=True)
 
 
 class BrokenRule(AssertionError):
@@ -73,9 +74,6 @@ def check_vec_env(env: Any, seed: int = 123) -> None:
         raise ValueError(
             f"env is {type(env).__name__}; give a gymnasium.vector.VectorEnv or a stable_baselines3 VecEnv"
         )
-
-
-same = functools.partial(data_equivalence, exact=True)
 
 
 class _Check:
@@ -189,8 +187,7 @@ class _SB3Check(_Check):
         counts = len(env.get_attr("render_mode")), len(env.env_is_wrapped(object))
         self.need("attributes", counts == (n, n), f"{counts} entries")
         space: spaces.Space[Any] = batch_space(env.observation_space, n)
-        first = self.begin(space)
-        self.keep(first)
+        self.keep(self.begin(space))
         self.need("seed", same(self.returned[0][1], self.begin(space)), "different observations")
         env.action_space.seed(self.seed)
         for step in range(MAX_STEPS):

@@ -60,11 +60,9 @@ def read_only(numbers: NDArray[np.float64]) -> Copy:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Parameter:
-    """A number of an environment, or several with one name: ``value`` and ``unit``.
-
-    In a vector the value is (num_envs,), or (num_envs, entries) of several; a single environment's has no
-    first axis. There is one unit, or one for each entry where they differ; "" if none is declared.
-    """
+    """A number of an environment, or several with one name: ``value`` and ``unit``. In a vector the value is
+    (num_envs,), or (num_envs, entries) of several; a single environment's has no first axis. There is one
+    unit, or one for each entry where they differ; "" if none is declared."""
 
     value: Any
     unit: str | tuple[str, ...]

@@ -82,8 +82,6 @@ class EpisodeKeys:
 
 
 # To make a generator takes 10 us. The algorithms of SeedSequence and PCG64 stay as they are (NumPy's NEP 19).
-
-
 def first_keys(seeds: Sequence[int]) -> NDArray[np.uint32]:
     """The first keys of ``np.random.PCG64(seed)`` of seeds up to :data:`LARGEST_SEED`, (seeds, AHEAD, 4)."""
     pool = np.zeros((4, len(seeds)), np.uint32)

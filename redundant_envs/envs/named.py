@@ -25,6 +25,10 @@ from redundant_envs.support.tables import markdown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 
+ENTRY = re.compile(
+    r"^(\w+(?:, \w+)*) : .*\n((?: +.*\n?|\n)+)", re.MULTILINE
+)  # of "Parameters": names, sentence
+
 
 class _Page:
     """A docstring written when it is read: building a page costs nothing at import."""
@@ -125,9 +129,6 @@ def task_table(task: Task) -> str:
     return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows, formatted=True)
 
 
-ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\n((?: +.*\n?|\n)+)", re.MULTILINE)
-
-
 def meanings(kind: type[Any]) -> dict[str, str]:
     """What the numbers of a class mean: the "Parameters" of its docstring and of those of its bases."""
     found: dict[str, str] = {}
@@ -146,12 +147,11 @@ def page(kind: type[Any], scene_name: Any) -> str:
     sliders, fast = any(arm.prismatic), f"4 a velocity beyond {task.speed_bound:g} rad/s or m/s, "
     slider = ", and `#` is a slider, whose\ntravel r extends its link" if sliders else ""
     observed = [(k, text, -1, 1) for k, text in enumerate(task.observation(scene).values())]
-    drawn = texts()["drawing"].format(arm=arm, joints=joints, slider=slider) if arm.schematic else ""
     return texts()["page"].format(  # type: ignore[no-any-return]
         arm=arm,
         task=task,
         joints=joints,
-        drawn=drawn,
+        drawn=texts()["drawing"].format(arm=arm, joints=joints, slider=slider) if arm.schematic else "",
         name=scene_name if isinstance(scene_name, str) else "given where the arm is registered",
         masses=", ".join(f"{x:g}" for x in arm.masses),
         lengths=", ".join(f"{x:g}" for x in arm.lengths),

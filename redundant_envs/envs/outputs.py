@@ -50,12 +50,11 @@ class Columns:
         self.heights = [len(names) for names in self.tables.values()]
         self.goal = episode.goal
         self._places = {name: (k, i) for k, t in enumerate(self.tables.values()) for i, name in enumerate(t)}
-        hidden = (*ENDS, *TIP, *GOAL, *episode.drawn)
         self.drawn_fields, named = episode.drawn, episode.randomized.fields_by_name
         self.drawn = {name: len(fields) for name, fields in named.items()}
         """Numbers that every episode draws, and how many entries each has: their fields are in this order."""
         labels = {**INFO_NAMES, **episode.task.labels}
-        found = [name for name in self._places if name not in hidden]
+        found = [name for name in self._places if name not in (*ENDS, *TIP, *GOAL, *episode.drawn)]
         shown = {labels.get(name) or SUM.sub(rf"{RETURN}\1", name): name for name in found}
         self.names = [*shown, DRAWN] if self.drawn else [*shown]
         asked = checked_keys(info_keys, self.names)

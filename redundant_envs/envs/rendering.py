@@ -48,6 +48,12 @@ GAP = 1.5  # between two letters, in units of the grid
 STROKE = 0.85  # width of a stroke, in units of the grid
 GLYPHS: dict[str, tuple[float, str]] = read_yaml(Path(__file__).with_name("lettering.yaml"), "glyphs")
 """Character -> its width, and its strokes: points x,y joined by lines, strokes parted by semicolons."""
+NO_DISPLAY = (
+    "render_mode='human' needs a display, and there is none here; make the environment with "
+    "render_mode='rgb_array', or write a clip: redundant-envs-train play ... --clip file.gif"
+)
+CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
+"""Variables with which a user chooses a driver, such as "dummy", that may have no display."""
 
 
 class Canvas:
@@ -265,11 +271,10 @@ def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) ->
         for k, (a, b) in enumerate(itertools.pairwise(ends)):
             canvas.capsule(a, b, max(17.0 - 3.0 * k, 7.0), palette.LINKS[k % len(palette.LINKS)])
         return
-    points = ends[1:]
     for k, stops in travel.items():
         if not arm.prismatic[k]:
             _arc(canvas, pose, k, stops)
-    along = {k: (arm.points(q + np.eye(len(q))[k]) - points)[k] for k in arm.sliders()}
+    along = {k: (arm.points(q + np.eye(len(q))[k]) - ends[1:])[k] for k in arm.sliders()}
     link = -1
     for k, slides in enumerate(arm.prismatic):
         link += not slides
@@ -399,14 +404,6 @@ def _radius(mass: float, arm: Arm) -> float:
     """Radius of a load, px: beyond the dot of the tip its square shows the mass, up to four times the arm's
     heaviest."""
     return 8.5 + 6.0 * float(np.sqrt(min(mass / max(arm.masses), 4.0)))
-
-
-NO_DISPLAY = (
-    "render_mode='human' needs a display, and there is none here; make the environment with "
-    "render_mode='rgb_array', or write a clip: redundant-envs-train play ... --clip file.gif"
-)
-CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
-"""Variables with which a user chooses a driver, such as "dummy", that may have no display."""
 
 
 def display() -> Any:

@@ -23,12 +23,10 @@ from redundant_envs.tasks import make_task
 
 
 class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
-    """Native vector environment of an arm with a task; made by ``gymnasium.make_vec``.
-
-    Arguments are those of a single environment, on the page of its id, and: ``max_episode_steps``, None or
-    -1 for no limit; ``autoreset_mode``, "next_step", "same_step" or "disabled"; ``threads`` over blocks of 8
-    environments, which change no bit.
-    """
+    """Native vector environment of an arm with a task; made by ``gymnasium.make_vec``. Arguments are those of
+    a single environment, on the page of its id, and: ``max_episode_steps``, None or -1 for no limit;
+    ``autoreset_mode``, "next_step", "same_step" or "disabled"; ``threads`` over blocks of 8 environments,
+    which change no bit."""
 
     def __init__(
         self,

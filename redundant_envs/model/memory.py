@@ -153,8 +153,7 @@ class Memory:
 
     @alone
     def write(self, names: Sequence[str], values: Any, index: NDArray[Any] | None = None) -> bool:
-        """Set numbers of one lifetime from what broadcasts to (lanes, names); false if these are parameters
-        and what they were."""
+        """Set numbers of one lifetime from what broadcasts to (lanes, names); false if parameters stay."""
         lanes, (space, rows) = self.index if index is None else index, self._place_of(tuple(names))
         table = np.broadcast_to(np.asarray(values, dtype=np.float64), (len(lanes), len(names)))
         if space == str(PARAMETER):

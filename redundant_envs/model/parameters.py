@@ -209,13 +209,10 @@ def _short(value: Any) -> str:
 
 def check_array(name: str, key: str, value: Any, like: NDArray[Any]) -> None:
     """ValueError unless a value is an array of the same shape and dtype as another."""
+    of_array = "an array of shape {0.shape} and dtype {0.dtype}".format
     if not isinstance(value, np.ndarray) or (value.shape, value.dtype) != (like.shape, like.dtype):
-        found = _of_array(value) if isinstance(value, np.ndarray) else shown(value)
-        raise ValueError(f"{name}[{key!r}] is {found}; give {_of_array(like)}")
-
-
-def _of_array(array: NDArray[Any]) -> str:
-    return f"an array of shape {array.shape} and dtype {array.dtype}"
+        found = of_array(value) if isinstance(value, np.ndarray) else shown(value)
+        raise ValueError(f"{name}[{key!r}] is {found}; give {of_array(like)}")
 
 
 def check_numbers(

@@ -41,6 +41,14 @@ from redundant_envs.tasks.base import Task
 
 Traced = tuple[Program, Blocks]
 Results = SimpleQueue[BaseException | None]
+FEW = 4  # lanes up to which a program computes only these: half a block, a whole vector of many processors
+KEPT_SIMULATORS = 64  # traced once for all their users; the least recently used ones are dropped
+_kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
+WAITED = 0.2  # s; waits follow each other where one without an end takes no interrupt (Windows)
+LONG_CALL, LONG_OF_LANE = 20_000_000, 4_000
+"""ns of a call, and for each lane, beyond which another thread makes it, so that an interrupt stops it: that
+takes some 20 us, and to copy the numbers 80 ns for each lane."""
+SUBSTEP = 800  # ns that a substep of a block takes at least
 
 
 class Simulator:
@@ -115,11 +123,6 @@ class Simulator:
             self.__dict__.pop("_traced", None)  # a compiler changes graphs
 
 
-FEW = 4  # lanes up to which a program computes only these: half a block, a whole vector of many processors
-KEPT_SIMULATORS = 64  # traced once for all their users; the least recently used ones are dropped
-_kept: OrderedDict[tuple[Any, ...], Simulator] = OrderedDict()
-
-
 def _kept_or_made(make: Callable[..., Simulator], scene: Scene, *more: Any) -> Simulator:
     """A simulator: of parts of this package a cached one, and one with a name, else a new one without."""
     parts = (scene.robot, *scene.effects, *(part for part in more if not isinstance(part, bool | tuple)))
@@ -165,8 +168,7 @@ def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = (),
 
     def trace() -> Traced:
         made = EnvironmentKernel(episode)
-        kernels = [made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])]
-        return Program(kernels), made.blocks
+        return Program([made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])]), made.blocks
 
     return Simulator(episode.dynamics, trace, episode, name)
 
@@ -192,8 +194,7 @@ class Call:
     def set(self, **arguments: Any) -> None:
         """Arguments by name: whole numbers and arrays."""
         for name, value in arguments.items():
-            whole = isinstance(value, int | np.integer)
-            self._frame[self._places[name]] = value if whole else address(value)
+            self._frame[self._places[name]] = value if isinstance(value, int | np.integer) else address(value)
             self._alive[name] = value
 
     def put(self, first: str, values: Sequence[int]) -> None:
@@ -271,13 +272,6 @@ def _serve(asked: SimpleQueue[Any]) -> None:
         except BaseException as raised:
             error = raised
         results.put(error)
-
-
-WAITED = 0.2  # s; waits follow each other where one without an end takes no interrupt (Windows)
-LONG_CALL, LONG_OF_LANE = 20_000_000, 4_000
-"""ns of a call, and for each lane, beyond which another thread makes it, so that an interrupt stops it: that
-takes some 20 us, and to copy the numbers 80 ns for each lane."""
-SUBSTEP = 800  # ns that a substep of a block takes at least
 
 
 class Team:

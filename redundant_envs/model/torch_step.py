@@ -130,8 +130,7 @@ def torch_step(scene: Scene) -> Step:
     def uncompiled(*given: Any, **more: Any) -> tuple[Any, ...]:
         """The same within torch.compile, whose module takes seconds to import: only if somebody has. Numbers
         are made on the processor, whatever the device of new tensors is: there they go with all devices."""
-        made_there = torch.get_default_device().type == "cpu"
-        with contextlib.nullcontext() if made_there else torch.device("cpu"):
+        with contextlib.nullcontext() if torch.get_default_device().type == "cpu" else torch.device("cpu"):
             return (plain if "torch._dynamo" in sys.modules else step)(*given, **more)  # type: ignore[no-any-return]
 
     return uncompiled

@@ -26,6 +26,12 @@ from redundant_envs.support.values import shown, warn
 Array = NDArray[np.float64]
 Efforts = None | ArrayLike | Callable[[float, Array, Array], ArrayLike]
 TOLD = "_error_told"  # attribute of a scene whose user knows how inaccurate its steps are
+STARTS = {
+    **dict.fromkeys(("rprp_report_spring", "rprp_stops", "rprp_limit_springs"), (1.2, 0.25, 0.4, 0.2)),
+    "four_r_free": (0.0, -0.3, -0.6, -0.9),
+}
+"""Scenes of the report's figures 1 and 2, and starts of our own, rad and m: the report states none."""
+SAMPLE_INTERVAL = 0.005  # longest time between rows of a recorded motion, s
 
 
 @dataclass(frozen=True)
@@ -251,14 +257,6 @@ def _tell_error(scene: Scene, largest: float) -> None:
         f"{scene.control_dt:g} s the tip is off by up to {largest:.1g} m after one of them; give "
         f"tolerance={ACCURACIES['standard']:g}, or more substeps"
     )
-
-
-STARTS = {
-    **dict.fromkeys(("rprp_report_spring", "rprp_stops", "rprp_limit_springs"), (1.2, 0.25, 0.4, 0.2)),
-    "four_r_free": (0.0, -0.3, -0.6, -0.9),
-}
-"""Scenes of the report's figures 1 and 2, and starts of our own, rad and m: the report states none."""
-SAMPLE_INTERVAL = 0.005  # longest time between rows of a recorded motion, s
 
 
 def default_start(name: str, scene: Scene) -> tuple[float, ...]:
