@@ -209,13 +209,11 @@ class EnvBase:
             return False
 
     def set_options(self, options: Mapping[str, Any] | None = None) -> None:
-        """Options of the next episode, as ``reset`` takes them; without any, forget those that wait.
-
-        They are in force when the next episode begins. Its reset may have options of its own, which replace
-        those of the same name. A start or a goal is that of one episode; parameters stay until options give
+        """Options of the next episode, as ``reset`` takes them; without any, forget those that wait. They are
+        in force when the next episode begins. Its reset may have options of its own, which replace those of
+        the same name. A start or a goal is that of one episode; parameters stay until options give
         "parameters" again. Options that wait are none of :meth:`get_state`. A ValueError says why the next
-        episode could not begin with them; nothing changes then.
-        """
+        episode could not begin with them; nothing changes then."""
         self.core.let_wait(checked_options(options), np.arange(self.core.num_envs))
 
     @property

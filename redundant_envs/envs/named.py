@@ -25,9 +25,7 @@ from redundant_envs.support.tables import markdown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 
-ENTRY = re.compile(
-    r"^(\w+(?:, \w+)*) : .*\n((?: +.*\n?|\n)+)", re.MULTILINE
-)  # of "Parameters": names, sentence
+ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\n((?: +.*\n?|\n)+)", re.MULTILINE)  # under "Parameters"
 
 
 class _Page:

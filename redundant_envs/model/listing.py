@@ -66,12 +66,10 @@ class Bill(dict[str, Operations]):
 
 
 def listing(scene: Scene, track_work: bool = False) -> str:
-    """The traced program of a scene, instruction by instruction.
-
-    Each function of a lane is a list of operations under the function, file and line that they come from;
-    ``%3`` is the result of operation 3, ``name <- %3`` stores it in a field of the lane. Kernels
-    follow: the loops and branches around these functions.
-    """
+    """The traced program of a scene, instruction by instruction. Each function of a lane is a list of
+    operations under the function, file and line that they come from; ``%3`` is the result of operation 3,
+    ``name <- %3`` stores it in a field of the lane. Kernels follow: the loops and branches around these
+    functions."""
     check_scene(scene)
     with located():
         kernel, blocks = advance_kernel(Dynamics(scene, track_work))

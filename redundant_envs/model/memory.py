@@ -189,8 +189,7 @@ class Memory:
     def forget(self, index: NDArray[Any]) -> None:
         """Begin a new motion: release sliders that a stop holds, and choose the steps again."""
         names = [n for n in self.layout.rows[STATE] if n.startswith("active_stop_") or n == "next_step"]
-        if names:
-            self.write(names, 0.0, index)
+        self.write(names, 0.0, index)
 
     def begin(self, index: NDArray[Any]) -> None:
         """Begin a new motion: reset fields but positions and velocities; computed states to 0."""

@@ -97,8 +97,7 @@ def lane_values(
     for name, value in given.items():
         names = names_of(scene, name, of_task)
         columns = table(name, value, len(lanes), len(names), [nominal[p] for p in names])
-        for k, p in enumerate(names):
-            values[p] = columns[:, k].copy()
+        values |= zip(names, columns.T.copy(), strict=True)
         changed += names
     check_values(scene, task, values, changed)
     return values
@@ -119,8 +118,7 @@ def present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Ta
 
 def stops_of(memory: Memory, lanes: NDArray[np.intp]) -> Table:
     """The hard ends of travel that some lanes have."""
-    ends = [name for _, *names in hard_stops(memory.dynamics.scene) for name in names]
-    return present(memory, lanes, ends) if ends else {}
+    return present(memory, lanes, [end for _, *ends in hard_stops(memory.dynamics.scene) for end in ends])
 
 
 def check_stops(scene: Scene, q: NDArray[np.float64], values: Table, where: str = "") -> None:
