@@ -1,9 +1,7 @@
-"""Computed torque along a planned joint motion: the expert with which every learner is compared.
-
-The plan goes from the start pose to a pose at the goal along a minimum-jerk profile; the torque is
-inverse dynamics of the plan's acceleration plus proportional-derivative feedback. Effects it
-compensates: the field and viscous friction of the nominal scene.
-"""
+"""Computed torque along a planned joint motion: the expert with which every learner is compared. The plan
+goes from the start pose to a pose at the goal along a minimum-jerk profile; the torque is inverse dynamics of
+the plan's acceleration plus proportional-derivative feedback. Effects it compensates: the field and viscous
+friction of the nominal scene."""
 
 from __future__ import annotations
 

@@ -72,7 +72,6 @@ class Animation:
         return f"<Animation of {what}; save('file.gif') or save('file.mp4') writes it>"
 
     def _repr_html_(self) -> str:
-        """A video that a notebook shows."""
         with tempfile.TemporaryDirectory() as folder:
             video = base64.b64encode(self.save(Path(folder) / "clip.mp4").read_bytes()).decode()
         return f'<video controls autoplay loop muted src="data:video/mp4;base64,{video}"></video>'

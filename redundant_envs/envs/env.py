@@ -216,7 +216,6 @@ class SingleLane:
         return functools.partial(struct.Struct("".join(form)).unpack_from, self._buffer)
 
     def _telling(self, columns: Columns) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
-        """What :attr:`read` and :attr:`told` are."""
         drawn = columns.drawn_fields if columns.shows_drawn else ()
         names = {column: name for name, column in columns.shown.items()}
         wanted = {"terminated", "reward", *names, *drawn}

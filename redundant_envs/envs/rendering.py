@@ -401,8 +401,7 @@ class Drawing:
 
 
 def _radius(mass: float, arm: Arm) -> float:
-    """Radius of a load, px: beyond the dot of the tip its square shows the mass, up to four times the arm's
-    heaviest."""
+    """Radius of a load, px: its square beyond the tip's dot shows the mass, up to 4 of the arm's heaviest."""
     return 8.5 + 6.0 * float(np.sqrt(min(mass / max(arm.masses), 4.0)))
 
 
