@@ -103,7 +103,7 @@ class Core(Copied):
     def _connect(self) -> None:
         simulator, memory = self.simulator, self.memory
         self._team = Team(simulator, "environment", memory, self.threads, [self.key_table])
-        self._goal_rewards: list[Call] = []
+        self._goal_rewards = [self._reward_call()] if self.task.goal_functions else []
         """Calls that nobody makes now: learners ask for rewards of old goals from threads of their own."""
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
         self._key_address = address(self.key_table)
@@ -265,12 +265,15 @@ class Core(Copied):
         try:
             call = self._goal_rewards.pop()
         except IndexError:
-            entry = self.simulator.kernels(self.memory.count)["goal_reward"]
-            call = Call(self.simulator.arguments["goal_reward"], entry)
+            call = self._reward_call()
         call.set(pairs=pairs, numbers=numbers, reward=reward, blocks=blocks)
         call()
         self._goal_rewards.append(call)
         return reward[: len(a)]
+
+    def _reward_call(self) -> Call:
+        entry = self.simulator.kernels(self.memory.count)["goal_reward"]
+        return Call(self.simulator.arguments["goal_reward"], entry)
 
     def goals(self) -> NDArray[np.float64]:
         """Goals, (num_envs, 2), m."""
