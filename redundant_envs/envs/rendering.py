@@ -305,9 +305,8 @@ def _rail(canvas: Canvas, start: Any, along: Any, travel: Pair) -> None:
 def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
     """Directions that the link behind a revolute joint can have, around the joint."""
     stops = [float(end) for end in travel if np.isfinite(end)]
-    whole = len(stops) == 2 and stops[1] - stops[0] >= 2.0 * np.pi
-    if whole or not np.isfinite(pose.q).all():
-        return
+    if (len(stops) == 2 and stops[1] - stops[0] >= 2.0 * np.pi) or not np.isfinite(pose.q).all():
+        return  # a whole turn, or a fault
     ends = pose.moved(joint, np.linspace(stops[0], stops[-1], 33))
     way = ends[:, joint + 1] - ends[:, joint]
     length = np.hypot(*way.T)

@@ -143,9 +143,8 @@ def check_stops(scene: Scene, q: NDArray[np.float64], values: Table, where: str 
 def write(scene: Scene, memory: Memory, lanes: NDArray[np.intp], values: Table) -> None:
     """Set parameters of lanes, and the fields that follow from them; where episodes draw numbers, the reset
     that comes next computes these fields."""
-    columns = np.stack([values[p] for p in values], axis=1)
-    changed = memory.write(tuple(memory.dynamics.parameters.field_of(p) for p in values), columns, lanes)
-    if changed and not memory.drawn:
+    fields = tuple(map(memory.dynamics.parameters.field_of, values))
+    if memory.write(fields, np.stack([*values.values()], axis=1), lanes) and not memory.drawn:
         memory.prepare()
 
 
