@@ -1,7 +1,5 @@
 """What delays of commands and of readings have in common: their numbers, and how many values they keep."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar
@@ -41,7 +39,7 @@ class Delay(Effect):
                 f"{self.longest} s: give a shorter delay, or a larger longest"
             )
 
-    def at_interval(self, control_dt: float) -> Delay:
+    def at_interval(self, control_dt: float) -> "Delay":
         """The effect with as many values as a scene with this control interval keeps."""
         made = with_fields(self, control_dt=control_dt)
         if made.kept > MAX_KEPT:

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass
@@ -39,7 +37,7 @@ class Gravity(Effect):
             raise ValueError(f"Gravity.down is {self.down}; give a unit vector, or its projection")
 
     @classmethod
-    def on_plane(cls, g: float = 9.81, tilt: float = 0.0, roll: float = 0.0) -> Gravity:
+    def on_plane(cls, g: float = 9.81, tilt: float = 0.0, roll: float = 0.0) -> "Gravity":
         """Gravity in a plane tilted by ``tilt`` [rad] away from vertical and rolled by ``roll``.
 
         A horizontal plane (tilt = pi/2) has no gravity; ``roll`` turns the direction of steepest

@@ -6,8 +6,6 @@ adds I b b^T to the mass matrix, I (b . qd)^2 / 2 to the kinetic energy, and not
 elimination does not hold then: accelerations follow from the mass matrix, by L D L^T.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools

@@ -1,7 +1,5 @@
 """An arm: its equations as functions that find each other by name, and methods that evaluate them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import FunctionType

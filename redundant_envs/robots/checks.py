@@ -1,7 +1,5 @@
 """Checks that the definition of an arm is complete, made when its class is created."""
 
-from __future__ import annotations
-
 import functools
 import re
 from typing import Any

@@ -3,8 +3,6 @@
 An arm may compute each of these in a better form, as the arms of this package do.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 An arm is drawn if it has a point mass behind each joint.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -6,8 +6,6 @@ what link 4 carries: K12 = mu2 l1 l2, K13 = mu3 l1 l3, K14 = m4 l1 l4 and so on.
 (ax, ay) is the acceleration equivalent to the uniform field: minus the gravity vector, m/s^2.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from redundant_envs.language.algebra import physics, sqrt

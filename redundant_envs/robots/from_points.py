@@ -6,8 +6,6 @@ constant rates. A derivative that is 0 in every pose is the float 0.0, and nothi
 Sums over the mass points of these are the mass matrix, the bias forces and the gravity forces.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

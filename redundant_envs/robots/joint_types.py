@@ -1,8 +1,6 @@
 """An arm from the types of its joints, as :class:`~redundant_envs.Chain` describes it. Revolute joints and
 sliders are counted each on their own: theta1, r1, theta2."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Collection
 from typing import Any

@@ -8,8 +8,6 @@ rate of a joint between them; and points whose velocities along a slider differ 
 that rate.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce

@@ -1,7 +1,5 @@
 """Checks of numbers: masses, lengths, strengths and travels, of arms and of effects."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import Any

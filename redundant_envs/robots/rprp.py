@@ -6,8 +6,6 @@ sigma = m3 l2 + m4 a2, I = m3 l2^2 + m4 a2^2. Rates: w1, w2 are theta1', theta2'
 (ax, ay) is the acceleration equivalent to the uniform field: minus the gravity vector, m/s^2.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from redundant_envs.language.algebra import physics, sqrt, where
