@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
-from redundant_envs.effects.hooks import COMMAND, Actuation, Arm, Effect, Hook, Link, at_each_joint
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, at_each_joint
+from redundant_envs.effects.numbers import COMMAND, Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics
 
 

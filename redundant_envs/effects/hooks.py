@@ -526,10 +526,6 @@ def at_each_joint(hook_at: Callable[[Any, int, Arm], Hook]) -> Callable[[Any, Ar
     return lambda self, arm: tuple(hook_at(self, k, arm) for k in range(len(arm.joints)))
 
 
-COMMAND = "unit of the command"
-"""Unit of a number that an effect compares with the command of each motor: a scene says which one that is."""
-
-
 def effort_unit(arm: Arm, joint: int) -> str:
     """Unit of the effort of a joint's motor."""
     return "N" if arm.prismatic[joint] else "N m"

@@ -20,6 +20,8 @@ from redundant_envs.support.values import shown
 
 Check = Callable[[str, Any], Any]
 """From the name of a field and its value to the value as it is kept; ValueError that names the field."""
+COMMAND = "unit of the command"
+"""Unit of a number that an effect compares with the command of each motor: a scene says which one that is."""
 COORDINATE = "coordinate"
 """Field with the name of the joint to which the single numbers of an effect belong."""
 DECLARED = "redundant_envs.declared"

@@ -86,9 +86,7 @@ def inertia_products(m1, m2, m3, m4, l1, l2, l3, l4):
 
 
 @physics(gives="M11 M12 M13 M14 M21 M22 M23 M24 M31 M32 M33 M34 M41 M42 M43 M44")
-def mass_matrix(
-    K11, K12, K13, K14, K22, K23, K24, K33, K34, K44, c21, c31, c41, c32, c42, c43
-):  # fmt: skip
+def mass_matrix(K11, K12, K13, K14, K22, K23, K24, K33, K34, K44, c21, c31, c41, c32, c42, c43):
     M12 = K12 * c21  # report 2.3, M12 = M21
     M13 = K13 * c31  # report 2.3, M13 = M31
     M14 = K14 * c41  # report 2.3, M14 = M41
@@ -104,9 +102,7 @@ def mass_matrix(
 
 
 @physics(gives="h1 h2 h3 h4")
-def bias_forces(
-    K12, K13, K14, K23, K24, K34, s21, s31, s41, s32, s42, s43, w1, w2, w3, w4
-):  # fmt: skip
+def bias_forces(K12, K13, K14, K23, K24, K34, s21, s31, s41, s32, s42, s43, w1, w2, w3, w4):
     return (
         -K12 * s21 * w2 * w2 - K13 * s31 * w3 * w3 - K14 * s41 * w4 * w4,  # report 2.3, H1
         K12 * s21 * w1 * w1 - K23 * s32 * w3 * w3 - K24 * s42 * w4 * w4,  # report 2.3, H2
@@ -117,9 +113,7 @@ def bias_forces(
 
 
 @physics(gives="C11 C12 C13 C14 C21 C22 C23 C24 C31 C32 C33 C34 C41 C42 C43 C44")
-def coriolis_matrix(
-    K12, K13, K14, K23, K24, K34, s21, s31, s41, s32, s42, s43, w1, w2, w3, w4
-):  # fmt: skip
+def coriolis_matrix(K12, K13, K14, K23, K24, K34, s21, s31, s41, s32, s42, s43, w1, w2, w3, w4):
     """Christoffel form: C qd = h and M' = C + C^T."""
     return (
         0.0, -K12 * s21 * w2, -K13 * s31 * w3, -K14 * s41 * w4,
@@ -130,9 +124,7 @@ def coriolis_matrix(
 
 
 @physics(gives="G1 G2 G3 G4")
-def gravity_forces(
-    m1, m2, m3, m4, l1, l2, l3, l4, s1, c1, s2, c2, s3, c3, s4, c4, ax, ay
-):  # fmt: skip
+def gravity_forces(m1, m2, m3, m4, l1, l2, l3, l4, s1, c1, s2, c2, s3, c3, s4, c4, ax, ay):
     """dU/dq in the uniform field; the report's G_i at (ax, ay) = (0, g)."""
     mu3 = m3 + m4
     mu2 = m2 + mu3

@@ -11,7 +11,8 @@ from typing import Any
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.bound_hooks import Attachments, identifier
-from redundant_envs.effects.hooks import COMMAND, MAX_INSTANTS, Effect, Impact, State, states_of
+from redundant_envs.effects.hooks import MAX_INSTANTS, Effect, Impact, State, states_of
+from redundant_envs.effects.numbers import COMMAND
 from redundant_envs.effects.validate_hooks import check_attached
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots import drawn
