@@ -9,7 +9,7 @@ from typing import Any
 
 from redundant_envs.effects.hooks import Effect, Force, Point, State
 from redundant_envs.language.algebra import exp, physics, sincos, sqrt, where
-from redundant_envs.robots.parameters import LARGEST, SMALLEST
+from redundant_envs.robots.parameters import LARGEST, SMALLEST, between
 
 ROUNDING = 1e-6
 """Share of a control interval by which the sum of all intervals so far may differ from the time: rounding
@@ -100,6 +100,4 @@ class Disturbance(Effect):
 
 def moderate(field: str, value: float) -> float:
     """A positive number whose products with others neither overflow nor vanish."""
-    if not SMALLEST <= value <= LARGEST:
-        raise ValueError(f"{field} is {value}; it must lie in {SMALLEST:g} to {LARGEST:g}")
-    return value
+    return between(field, value, SMALLEST, LARGEST)

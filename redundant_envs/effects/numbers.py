@@ -11,6 +11,7 @@ from redundant_envs.robots.parameters import not_negative as not_negative
 from redundant_envs.robots.parameters import number as number
 from redundant_envs.robots.parameters import numbers as numbers
 from redundant_envs.robots.parameters import positive as positive
+from redundant_envs.robots.parameters import share as share
 from redundant_envs.robots.parameters import strength as strength
 from redundant_envs.robots.parameters import strengths as strengths
 from redundant_envs.robots.parameters import travel as travel
@@ -117,14 +118,6 @@ each_joint = functools.partial(_declared, _as_given, True)
 row = functools.partial(_declared, numbers, False)  # of numbers of which the effect says how many there are
 checked = functools.partial(_declared, _as_given, False)
 """Of what its check alone describes, such as a name."""
-
-
-def share(field: str, values: Any) -> Any:
-    """A number from 0 to 1, or a sequence of one for each joint."""
-    for x in numbers(field, values if hasattr(values, "__len__") else (values,)):
-        if not 0.0 <= x <= 1.0:
-            raise ValueError(f"{field} is {values}; it must lie in 0 to 1")
-    return not_negative(field, values)
 
 
 def text(field: str, value: Any) -> str:

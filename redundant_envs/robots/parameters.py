@@ -32,27 +32,27 @@ def number(field: str, value: Any) -> float:
     return x
 
 
+def between(field: str, value: Any, low: float, high: float, unit: str = "") -> float:
+    """A finite float from ``low`` to ``high``, or a ValueError that names the field."""
+    x = number(field, value)
+    if not low <= x <= high:
+        raise ValueError(f"{field} is {x}{unit}; it must lie in {low:g} to {high:g}{unit}")
+    return x
+
+
 def strength(field: str, value: Any) -> float:
     """A finite float that is no larger than :data:`STRONGEST`, or a ValueError that names the field."""
-    x = number(field, value)
-    if abs(x) > STRONGEST:
-        raise ValueError(f"{field} is {x}; it must lie in {-STRONGEST:g} to {STRONGEST:g}")
-    return x
+    return between(field, value, -STRONGEST, STRONGEST)
 
 
 def travel(form: str, lower: Any, upper: Any) -> tuple[float, float]:
     """Two ends of a travel, the fields ``form.format("lower")`` and ``("upper")``: finite, in order, and at
     least as far apart as the smallest allowed length."""
-    ends = {form.format("lower"): lower, form.format("upper"): upper}
-    low, high = (number(field, end) for field, end in ends.items())
-    for field, x in zip(ends, (low, high), strict=True):
-        if abs(x) > LARGEST:
-            raise ValueError(f"{field} is {x}; it must lie in {-LARGEST:g} to {LARGEST:g}")
+    first, last = form.format("lower"), form.format("upper")
+    low, high = between(first, lower, -LARGEST, LARGEST), between(last, upper, -LARGEST, LARGEST)
     if high - low < SMALLEST:
-        first, second = form.format("lower"), form.partition(".")[2].format("upper")
-        raise ValueError(
-            f"{first} is {low}, {second} is {high}; lower must be below, by at least {SMALLEST:g}"
-        )
+        ends = f"{first} is {low}, {last.partition('.')[2]} is {high}"
+        raise ValueError(f"{ends}; lower must be below, by at least {SMALLEST:g}")
     return low, high
 
 
@@ -86,6 +86,11 @@ def strengths(field: str, values: Any) -> float | tuple[float, ...]:
 def not_negative(field: str, values: Any) -> float | tuple[float, ...]:
     """A strength, or a sequence of one for each joint, none negative."""
     return _each(field, values, lambda x: x >= 0.0, "it must not be negative")
+
+
+def share(field: str, values: Any) -> float | tuple[float, ...]:
+    """The same, from 0 to 1."""
+    return _each(field, values, lambda x: 0.0 <= x <= 1.0, "it must lie in 0 to 1")
 
 
 def positive(field: str, values: Any) -> float | tuple[float, ...]:

@@ -19,7 +19,7 @@ from redundant_envs.robots import drawn
 from redundant_envs.robots.added_inertia import WithAddedInertia
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
-from redundant_envs.robots.parameters import number
+from redundant_envs.robots.parameters import between, number
 from redundant_envs.scenes.files import config_folder, exists, explained, read_yaml, shipped_data
 from redundant_envs.scenes.numbers import check_ranges, entries_of, is_of_task
 from redundant_envs.scenes.ranges import plain as plain_ranges
@@ -157,10 +157,7 @@ class Scene:
         return tuple(fitted.values())
 
     def _checked_interval(self) -> float:
-        dt = number("control_dt", self.control_dt)
-        if not SHORTEST_INTERVAL <= dt <= LONGEST_INTERVAL:
-            allowed = f"{SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s"
-            raise ValueError(f"control_dt is {dt} s; it must lie in {allowed}")
+        dt = between("control_dt", self.control_dt, SHORTEST_INTERVAL, LONGEST_INTERVAL, " s")
         if dt > LONG_INTERVAL and id(dt) not in _told:
             dt += 0.0  # a number of its own, which no other scene has
             _told[id(dt)] = dt
@@ -171,11 +168,7 @@ class Scene:
         return dt
 
     def _checked_tolerance(self) -> float:
-        tolerance = number("tolerance", self.tolerance)
-        if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
-            raise ValueError(
-                f"tolerance is {tolerance} m; give {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g} m"
-            )
+        tolerance = between("tolerance", self.tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE, " m")
         if self.integrator != "rk8" or self.substeps != 1:
             given = f"integrator {self.integrator!r} and substeps {self.substeps}"
             fix = "give it with integrator 'rk8' and 1 substep alone"

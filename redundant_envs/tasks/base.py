@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from redundant_envs.effects.hooks import Impact
 from redundant_envs.language.algebra import clamp, gives_of, maximum, minimum, physics, total, where
 from redundant_envs.robots.arm import Arm
-from redundant_envs.robots.parameters import number
+from redundant_envs.robots.parameters import between, number
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.values import plain_data
 
@@ -117,8 +117,7 @@ class Task:
             low, high = self.ranges.get(field.name, (0.0, math.inf))
             if low >= 0.0 and value <= 0.0:
                 raise ValueError(f"{where} is {value}; it must be positive")
-            if not low <= value <= high:
-                raise ValueError(f"{where} is {value}; it must lie in {low:g} to {high:g}")
+            between(where, value, low, high)
 
     def parameters(self) -> dict[str, float]:
         """Numbers of the task, per environment."""
