@@ -211,16 +211,16 @@ class Attachments(tuple[Attached[Hook], ...]):
     def draws(self) -> dict[str, Draw]:
         """Draws by the names of quantities; ValueError if states take too many, or two streams are one."""
         taken: dict[str, tuple[tuple[str, str, bool], int, int]] = {}
+        most: dict[tuple[str, str, bool], int] = {}
+        """Draws of a kind that each state of a name may take: those of the next one follow."""
         for a in self:
             for state, functions in zip(states_of(a.hook), a.states.values(), strict=True):
                 root, _, index = state.name.partition("[")
                 for name in (name for bound in functions.values() for name in bound.names if DRAWN in name):
                     kind, number = DRAW.findall(name.partition(DRAWN)[2])[0]
-                    taken[name] = (a.key, root, kind == "normal"), int(index[:-1] or 0), int(number)
-        most: dict[tuple[str, str, bool], int] = {}
-        """Draws of a kind that each state of a name may take: those of the next one follow."""
-        for of_kind, _, number in taken.values():
-            most[of_kind] = max(most.get(of_kind, 0), number)
+                    of_kind = a.key, root, kind == "normal"
+                    most[of_kind] = max(most.get(of_kind, 0), int(number))
+                    taken[name] = of_kind, int(index[:-1] or 0), int(number)
         streams = {START_OF_EPISODES: "the start of an episode"}
         for key, root, _ in most:
             name, other = f"{key}.{root}", streams.setdefault(stream_of(key, root), f"{key}.{root}")

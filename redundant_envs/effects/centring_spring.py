@@ -56,9 +56,6 @@ class CentringSpring(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         joints = for_sliders("CentringSpring", arm.kind, arm.sliders(), len(self.stiffness))
-        made = []
-        for i, k in enumerate(joints):
-            own = {name: f".{name}[{i}]" for name in ("lower", "upper", "stiffness")}
-            bind = {"position": f"phi{k + 1}", **own}
-            made.append(Force(k, force, bind, potential=energy, stiffness=steepness))
-        return tuple(made)
+        binds = ({x: f".{x}[{i}]" for x in ("lower", "upper", "stiffness")} for i in range(len(joints)))
+        pairs = zip(joints, binds, strict=True)
+        return tuple(Force(k, force, bind, potential=energy, stiffness=steepness) for k, bind in pairs)

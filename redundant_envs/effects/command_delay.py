@@ -63,18 +63,15 @@ class CommandDelay(Delay):
         return int(whole_intervals(self.longest, control_dt)) + 1
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        links = (self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints)))
-        return (Instant(rest), *links)
+        return (Instant(rest), *(self._link(k, effort_unit(arm, k)) for k in range(len(arm.joints))))
 
     def _link(self, joint: int, unit: str) -> Actuation:
         """The commands of a motor, the latest first; each interval moves them on by one."""
-        command = f"command{joint + 1}"
         names = [f"sent[{joint * self.kept + k}]" for k in range(self.kept)]
-        before = [command, *(f".{name}" for name in names[:-1])]
+        before = [f"command{joint + 1}", *(f".{name}" for name in names)]
         states = tuple(
             State(name, unit, update=identity("before"), bind={"before": source})
-            for name, source in zip(names, before, strict=True)
+            for name, source in zip(names, before, strict=False)
         )
         sent = {f"sent{k + 1}": f".{name}" for k, name in enumerate(names)}
-        bind = {**sent}
-        return Actuation(joint, acting_of(self.kept), bind, Link.DELAY, states=states)
+        return Actuation(joint, acting_of(self.kept), sent, Link.DELAY, states=states)

@@ -14,10 +14,7 @@ class Sensor(NamedTuple):
 
     field: str  # "position" or "rate"
     joint: int
-
-    @property
-    def reading(self) -> Reading:
-        return READINGS[self.field]
+    reading: Reading
 
     @property
     def number(self) -> str:
@@ -33,7 +30,7 @@ def at_each_sensor(hook_at: Callable[[Any, Sensor, Arm], Hook]) -> Callable[[Any
     """The method ``hooks`` of an effect on sensors alike: those for which it has numbers, or else all."""
 
     def hooks(self: Any, arm: Arm) -> tuple[Hook, ...]:
-        every = (Sensor(field, joint) for field in READINGS for joint in range(len(arm.joints)))
+        every = (Sensor(field, k, of) for field, of in READINGS.items() for k in range(len(arm.joints)))
         return tuple(hook_at(self, s, arm) for s in every if getattr(self, s.field, s) is not None)
 
     return hooks

@@ -49,13 +49,15 @@ def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> No
         if not set(changed).isdisjoint(names):
             _check_positive(kind, np.stack([values[p] for p in names], axis=1))
     for effect in scene.effects:
-        if not {*changed}.isdisjoint(_own_names(effect)):
-            _check_effect(scene, effect, values)
+        own = [f"{effect.key}.{name}" for name in effect.parameters()]  # another key may begin with its key
+        if not {*changed}.isdisjoint(own):
+            _check_effect(scene, effect, own, values)
     for mass, sums in scene.attached.moving_masses(values, scene.attached.states.initial).items():
         _check_positive(f"{mass} with {', '.join(scene.attached.carried[mass])}", sums[:, None])
     scene.attached.check_inertias(scene.robot, values)
     if task is not None and task.parameters().keys() & changed:
-        _check_task(task, values)
+        for numbers in _distinct(values, "", task.parameters()):  # its own checks decide
+            _check_kept("", dataclasses.replace(task, **numbers), numbers)
 
 
 def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
@@ -71,26 +73,15 @@ def _check_positive(name: str, columns: NDArray[np.float64]) -> None:
         raise ValueError(f"{name} spans a ratio of {ratio:.1e}; at most {LARGEST_RATIO:.0e} is supported")
 
 
-def _own_names(effect: Any) -> list[str]:
-    """Scalar parameters of a scene that are numbers of an effect: another key may begin with its key."""
-    return [f"{effect.key}.{name}" for name in effect.parameters()]
-
-
-def _check_effect(scene: Any, effect: Any, values: Table) -> None:
+def _check_effect(scene: Any, effect: Any, names: list[str], values: Table) -> None:
     """Build the effect with each lane's numbers, so that its own checks apply."""
-    for numbers in _distinct(values, f"{effect.key}.", _own_names(effect)):
+    for numbers in _distinct(values, f"{effect.key}.", names):
         fields = {f.name for f in dataclasses.fields(effect)}
         own = {name: number for name, number in numbers.items() if name.partition("[")[0] in fields}
         made = replaced(effect, **fields_with(effect, own))
         _check_kept(f"{effect.key}.", made, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]
         validate_hooks.check_numbers(effect.key, made, scene.robot, hooks)
-
-
-def _check_task(task: Any, values: Table) -> None:
-    """Build the task with each lane's numbers: its own checks decide."""
-    for numbers in _distinct(values, "", task.parameters()):
-        _check_kept("", dataclasses.replace(task, **numbers), numbers)
 
 
 def _distinct(values: Table, before: str, names: Iterable[str]) -> list[dict[str, float]]:
@@ -159,10 +150,10 @@ def check_ranges(scene: Any, drawn: Mapping[Range, list[str]], task: Any = None)
     end, and for each range a number inside, or every one of a choice. So any two numbers meet at all their
     ends: arms, effects and tasks compare no more with each other, such as the ends of a travel.
     """
+    if not drawn:
+        return
     nominal = {**scene.parameters(), **({} if task is None else task.parameters())}
     sets = list(_sets_of_ends(drawn, nominal))
-    if not sets:
-        return
     table = {name: np.array([one.get(name, value) for one in sets]) for name, value in nominal.items()}
     changed = list(sets[0])
     try:
@@ -180,8 +171,6 @@ def _sets_of_ends(
     def at(one: Range, value: float) -> dict[str, float]:
         return {name: one.drawn(value, nominal[name]) for name in drawn[one]}
 
-    if not drawn:
-        return
     lowest, highest = (
         {name: x for one in drawn for name, x in at(one, one.distribution.ends[k]).items()} for k in (0, 1)
     )

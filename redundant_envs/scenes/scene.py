@@ -11,7 +11,7 @@ from typing import Any
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.bound_hooks import Attachments, identifier
-from redundant_envs.effects.hooks import MAX_INSTANTS, Effect, Impact, State, states_of
+from redundant_envs.effects.hooks import MAX_INSTANTS, Effect, Impact, State
 from redundant_envs.effects.numbers import COMMAND
 from redundant_envs.effects.validate_hooks import check_attached
 from redundant_envs.robots import REGISTRY as ARMS
@@ -128,7 +128,12 @@ class Scene:
         if self.integrator == "dop853" and self.substeps != 1:
             raise ValueError(f"substeps is {self.substeps}; dop853 chooses its steps itself: leave it at 1")
         if self.tolerance is not None:
-            object.__setattr__(self, "tolerance", self._checked_tolerance())
+            tolerance = between("tolerance", self.tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE, " m")
+            object.__setattr__(self, "tolerance", tolerance)
+            if self.integrator != "rk8" or self.substeps != 1:
+                given = f"integrator {self.integrator!r} and substeps {self.substeps}"
+                fix = "give it with integrator 'rk8' and 1 substep alone"
+                raise ValueError(f"tolerance is {tolerance} m with {given}; {fix}")
         if not isinstance(self.actuation, str) or self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {shown(self.actuation)}; choose {', '.join(ACTUATIONS)}")
         object.__setattr__(self, "randomize", ranges({} if self.randomize is None else self.randomize))
@@ -167,21 +172,13 @@ class Scene:
             )
         return dt
 
-    def _checked_tolerance(self) -> float:
-        tolerance = between("tolerance", self.tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE, " m")
-        if self.integrator != "rk8" or self.substeps != 1:
-            given = f"integrator {self.integrator!r} and substeps {self.substeps}"
-            fix = "give it with integrator 'rk8' and 1 substep alone"
-            raise ValueError(f"tolerance is {tolerance} m with {given}; {fix}")
-        return tolerance
-
     def parameters(self) -> dict[str, float]:
         """All numbers of the scene by parameter name: "m1", "gravity.g", "limit_spring.r1.upper"."""
         return dict(self._parameters)
 
     def states(self) -> dict[str, State]:
         """States of the effects by name: "lag.effort[0]"."""
-        return {f"{a.key}.{s.name}": s for a in self.attached for s in states_of(a.hook)}
+        return dict(self.attached.states)
 
     @functools.cached_property
     def _parameters(self) -> dict[str, float]:
