@@ -262,8 +262,7 @@ class Attachments(tuple[Attached[Hook], ...]):
 
     def place_in_chain(self, effect: Effect) -> float:
         """The first place of an effect's links in the chains; beyond all places for one without links."""
-        links = (a.hook.link for a in self.of(Actuation) if a.effect is effect)
-        return min(links, default=math.inf)
+        return min((a.hook.link for a in self.of(Actuation) if a.effect is effect), default=math.inf)
 
     @property
     def instants(self) -> tuple[Attached[hooks.Instant], ...]:

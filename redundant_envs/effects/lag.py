@@ -37,6 +37,5 @@ class Lag(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        unit = effort_unit(arm, k)
-        state = State(f"effort[{k}]", unit, approach, rate=fastest_change, closed=approached)
+        state = State(f"effort[{k}]", effort_unit(arm, k), approach, rate=fastest_change, closed=approached)
         return Actuation(k, identity("effort"), link=Link.LAG, states=(state,))

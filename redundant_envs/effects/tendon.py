@@ -124,8 +124,7 @@ class Tendon(Effect):
 
     def units(self, arm: Arm) -> dict[str, str]:
         slides = [arm.prismatic[joint] for joint in self._places(arm)]
-        arms = {f"moment_arms[{k}]": "1" if s else "m" for k, s in enumerate(slides)}
-        return {**arms, **super().units(arm)}
+        return {f"moment_arms[{k}]": "1" if s else "m" for k, s in enumerate(slides)} | super().units(arm)
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         """A line from link to link that passes each revolute joint at its moment arm, on the outer side of a

@@ -137,8 +137,7 @@ class Scene:
         if not isinstance(self.actuation, str) or self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {shown(self.actuation)}; choose {', '.join(ACTUATIONS)}")
         object.__setattr__(self, "randomize", ranges({} if self.randomize is None else self.randomize))
-        known = [one for one in self.randomize if not is_of_task(one.name)]
-        check_ranges(self, entries_of(self, known))
+        check_ranges(self, entries_of(self, [one for one in self.randomize if not is_of_task(one.name)]))
 
     def _fitted_effects(self) -> tuple[Effect, ...]:
         """The effects with a number for each joint of this arm; ValueError if they cannot act on it."""
@@ -301,8 +300,7 @@ class Scene:
         tolerance nor an integrator nor substeps have the tolerance of "standard"."""
         if not isinstance(data, Mapping):
             raise ValueError(f"scene is {shown(data)}; give a mapping")
-        fields = [f.name for f in dataclasses.fields(cls)]
-        check_keys("scene", data, fields)
+        check_keys("scene", data, [f.name for f in dataclasses.fields(cls)])
         if "robot" not in data:
             raise ValueError("scene has no 'robot'; give its type, masses and lengths")
         robot = typed("robot", data["robot"], ARMS)
@@ -377,5 +375,4 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
         if accuracy not in ACCURACIES:
             raise ValueError(f"accuracy is {shown(accuracy)}; give {', '.join(ACCURACIES)} or metres")
         accuracy = ACCURACIES[accuracy]
-    tolerance = number("accuracy", accuracy)
-    return dataclasses.replace(built, integrator="rk8", substeps=1, tolerance=tolerance)
+    return dataclasses.replace(built, integrator="rk8", substeps=1, tolerance=number("accuracy", accuracy))

@@ -35,8 +35,7 @@ class Tableau:
             object.__setattr__(self, field, numbers(f"Tableau.{field}", getattr(self, field)))
         if not isinstance(self.a, list | tuple | np.ndarray):
             raise ValueError(f"Tableau.a is {shown(self.a)}; give a sequence of rows")
-        rows = tuple(numbers(f"Tableau.a[{k}]", row) for k, row in enumerate(self.a))
-        object.__setattr__(self, "a", rows)
+        object.__setattr__(self, "a", tuple(numbers(f"Tableau.a[{k}]", row) for k, row in enumerate(self.a)))
 
     @property
     def stages(self) -> int:
