@@ -87,9 +87,8 @@ def declared_in(kind: type, name: str) -> Declared | None:
     return None
 
 
-def two(field: str, value: Any) -> tuple[float, ...]:
-    """A number for each axis."""
-    return numbers(field, value, 2)
+two = functools.partial(numbers, count=2)
+"""A number for each axis."""
 
 
 def of_axes(field: str, value: Any) -> tuple[float, ...]:

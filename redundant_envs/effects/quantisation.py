@@ -1,11 +1,11 @@
+import functools
 from dataclasses import dataclass, field
-from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Hook, Sensing
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
+from redundant_envs.effects.numbers import Example, Numbers, each_joint
 from redundant_envs.effects.readings import OfReadings, Sensor, at_each_sensor
 from redundant_envs.language.algebra import floor, physics
-from redundant_envs.robots.parameters import SMALLEST
+from redundant_envs.robots.parameters import SMALLEST, each
 
 
 @physics
@@ -14,13 +14,8 @@ def counted(reading, resolution):
     return resolution * floor(reading / resolution + 0.5)
 
 
-def resolutions(field: str, values: Any) -> float | tuple[float, ...]:
-    """Positive steps of which a reading has finitely many."""
-    found = positive(field, values)
-    entries = found if isinstance(found, tuple) else (found,)
-    if min(entries, default=1.0) < SMALLEST:
-        raise ValueError(f"{field} is {min(entries)}; give at least {SMALLEST:g}, or leave it out")
-    return found
+resolutions = functools.partial(each, lambda x: x >= SMALLEST, f"give at least {SMALLEST:g}, or leave it out")
+"""Positive steps of which a reading has finitely many."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Checks of numbers: masses, lengths, strengths and travels, of arms and of effects."""
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -78,34 +79,23 @@ def for_sliders(effect: str, arm: str, sliders: list[int], count: int) -> list[i
     return sliders
 
 
-def strengths(field: str, values: Any) -> float | tuple[float, ...]:
-    """A strength, or a sequence of one for each joint."""
-    return _each(field, values, lambda x: True, "")
-
-
-def not_negative(field: str, values: Any) -> float | tuple[float, ...]:
-    """A strength, or a sequence of one for each joint, none negative."""
-    return _each(field, values, lambda x: x >= 0.0, "it must not be negative")
-
-
-def share(field: str, values: Any) -> float | tuple[float, ...]:
-    """The same, from 0 to 1."""
-    return _each(field, values, lambda x: 0.0 <= x <= 1.0, "it must lie in 0 to 1")
-
-
-def positive(field: str, values: Any) -> float | tuple[float, ...]:
-    """The same, all positive."""
-    return _each(field, values, lambda x: x > 0.0, "it must be positive")
-
-
-def _each(field: str, values: Any, allowed: Callable[[float], bool], said: str) -> float | tuple[float, ...]:
+def each(allowed: Callable[[float], bool], said: str, field: str, values: Any) -> float | tuple[float, ...]:
+    """A strength, or a sequence of one for each joint, all of them ``allowed``, or a ValueError."""
     one = not hasattr(values, "__len__") or getattr(values, "ndim", 1) == 0
     named = {field: values} if one else {f"{field}[{i}]": x for i, x in enumerate(numbers(field, values))}
-    xs = tuple(strength(name, value) for name, value in named.items())
+    xs = tuple(number(name, value) for name, value in named.items())
     for name, x in zip(named, xs, strict=True):
         if not allowed(x):
             raise ValueError(f"{name} is {x}; {said}")
+        strength(name, x)
     return xs[0] if one else xs
+
+
+strengths = functools.partial(each, lambda x: True, "")
+"""From the name of a field and its value to a strength, or a sequence of one for each joint."""
+not_negative = functools.partial(each, lambda x: x >= 0.0, "it must not be negative")
+share = functools.partial(each, lambda x: 0.0 <= x <= 1.0, "it must lie in 0 to 1")
+positive = functools.partial(each, lambda x: x > 0.0, "it must be positive")
 
 
 def positive_numbers(field: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
