@@ -45,9 +45,8 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
             along = (moved - ends)[k + 1] / size
             rails.append(ends[k + 1] + np.outer([low - phi[k], high - phi[k]], along))
     placed = _Placed([ends, *rails])
-    at, parts = placed(ends), []
-    for rail in rails:
-        parts.append(_path(_line(placed(rail)), RAIL, 13.0))
+    at = placed(ends)
+    parts = [_path(_line(placed(rail)), RAIL, 13.0) for rail in rails]
     parts += [_path(*path) for path in _paths(arm, at, 0)]
     names = iter(f"l{k + 1}" for k in range(arm.num_lengths))
     own = arm.num_lengths == arm.prismatic.count(False)
