@@ -99,10 +99,9 @@ class Scene:
         object.__setattr__(self, "control_dt", self._checked_interval())
         object.__setattr__(self, "effects", self._fitted_effects())
         impacts = self.attached.of(Impact)
-        for slides in (True, False):
+        for slides, joints in ((True, "sliders"), (False, "revolute joints")):
             alike = [a for a in impacts if self.robot.prismatic[a.hook.joint] == slides]
             if len({a.parameter(a.hook.restitution) for a in alike}) > 1:
-                joints = "sliders" if slides else "revolute joints"
                 raise ValueError(
                     f"effects has stops with several restitutions; give one number for all stops of {joints}"
                 )
