@@ -4,7 +4,7 @@ from functools import reduce
 from typing import Any
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point, named
 from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive, text
 from redundant_envs.language.algebra import arguments_of, clamp, identity, maximum, physics, sqrt
 
@@ -146,6 +146,7 @@ class Disc(Effect):
     name: str = field(default="", metadata=checked(text))
 
     static = ("along_links", "name")
+    key = named("disc_")
     example = Example(
         {"centre": (0.5, 0.4), "radius": 0.2, "stiffness": 2000.0, "friction": 0.3},
         variants={"along links": {"along_links": True}},
@@ -155,10 +156,6 @@ class Disc(Effect):
         super().__post_init__()
         if math.hypot(*self.centre) <= self.radius:
             raise ValueError(f"Disc.radius is {self.radius} m: the disc covers the base; give a smaller one")
-
-    @property
-    def key(self) -> str:
-        return f"disc_{self.name}" if self.name else "disc"
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         x, y = self.centre

@@ -2,7 +2,7 @@ import math
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point, named
 from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive, text
 from redundant_envs.language.algebra import physics, sqrt
 from redundant_envs.robots.parameters import SMALLEST
@@ -56,6 +56,7 @@ class HalfPlane(Effect):
     name: str = field(default="", metadata=checked(text))
 
     static = ("along_links", "name")
+    key = named("half_plane_")
     example = Example(
         {"point": (0.0, -0.5), "stiffness": 2000.0, "friction": 0.3},
         variants={"along links": {"along_links": True}},
@@ -70,10 +71,6 @@ class HalfPlane(Effect):
                 f"HalfPlane.point is {self.point} m with the normal {self.normal}: it covers the base, "
                 "(0, 0); give another point, or the opposite normal"
             )
-
-    @property
-    def key(self) -> str:
-        return f"half_plane_{self.name}" if self.name else "half_plane"
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         (x, y), (nx, ny) = self.point, self.normal

@@ -526,6 +526,11 @@ def at_each_joint(hook_at: Callable[[Any, int, Arm], Hook]) -> Callable[[Any, Ar
     return lambda self, arm: tuple(hook_at(self, k, arm) for k in range(len(arm.joints)))
 
 
+def named(prefix: str) -> Any:
+    """The property ``key`` of an effect with a ``name``, which tells several of a scene apart."""
+    return property(lambda self: f"{prefix}{self.name}" if self.name else prefix[:-1])
+
+
 def effort_unit(arm: Arm, joint: int) -> str:
     """Unit of the effort of a joint's motor."""
     return "N" if arm.prismatic[joint] else "N m"

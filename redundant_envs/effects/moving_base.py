@@ -2,7 +2,7 @@ import math
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Arm, Effect, Field, Hook, State
+from redundant_envs.effects.hooks import Arm, Effect, Field, Hook, State, named
 from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, strengths, text
 from redundant_envs.language.algebra import identity, physics, sincos
 
@@ -38,11 +38,8 @@ class MovingBase(Effect):
     name: str = field(default="", metadata=checked(text))
 
     static = ("name",)
+    key = named("moving_base.")
     example = Example({"amplitude": (0.01, 0.01), "frequency": 9.0})
-
-    @property
-    def key(self) -> str:
-        return f"moving_base.{self.name}" if self.name else "moving_base"
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         sine = math.sin(pose.states["angle"])

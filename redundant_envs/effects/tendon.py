@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from redundant_envs.effects import shapes
-from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, named
 from redundant_envs.effects.numbers import (
     Example,
     Numbers,
@@ -102,6 +102,7 @@ class Tendon(Effect):
     name: str = field(default="", metadata=checked(text))
 
     static = ("joints", "name")
+    key = named("tendon.")
     example = Example(
         {"joints": ("joint2", "joint3"), "moment_arms": (0.03, 0.02), "stiffness": 3000.0, "pretension": 60.0}
     )
@@ -109,10 +110,6 @@ class Tendon(Effect):
     def __post_init__(self) -> None:
         super().__post_init__()
         numbers("Tendon.moment_arms", self.moment_arms, len(self.joints))
-
-    @property
-    def key(self) -> str:
-        return f"tendon.{self.name}" if self.name else "tendon"
 
     def _places(self, arm: Arm) -> list[int]:
         """Its joints by their numbers, from 0; ValueError if the arm has none of that name."""
