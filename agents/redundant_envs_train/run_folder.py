@@ -350,6 +350,25 @@ def check_study(folder: Path, marks: Sequence[str]) -> None:
         raise ValueError(f"out is {folder}, which holds other files and no study; choose another --out")
 
 
+def begin_study(path: Path, asked: dict[str, Any], storage: str) -> str:
+    """Write what the study of a folder is of, or refuse a folder whose study is of something else; returns a
+    name of such a study in any storage."""
+    digest = hashlib.sha256(storage.encode()).hexdigest()  # its URL may have a password
+    now = {**asked, "storage": digest}
+    if not path.exists():
+        write_json(path, now)
+    try:
+        differing = first_difference(read_json(path, "study"), now)
+    except (ValueError, AttributeError):
+        raise ValueError(f"{path} is damaged, or no study's; choose another --out") from None
+    if differing:
+        name, theirs, own = differing
+        raise ValueError(
+            f"{path.parent} holds a study with {name}: {theirs}, and this one has {own}; choose another --out"
+        )
+    return hashlib.sha256(json.dumps(asked).encode()).hexdigest()
+
+
 def check_new(folder: Path) -> None:
     """Refuse a file, or a folder that is not empty, as the folder of a new run."""
     check_out(folder)

@@ -8,6 +8,7 @@ from short_trainings import TINY
 
 from redundant_envs_train.config import load
 from redundant_envs_train.config.files import presets
+from redundant_envs_train.config.search import own_values, space_of, with_values
 from redundant_envs_train.rollout import SELECTION_SEED
 from redundant_envs_train.run_folder import CHECKPOINT
 from redundant_envs_train.training import train, watch
@@ -15,9 +16,7 @@ from redundant_envs_train.training.pool import Stopped
 
 pytest.importorskip("optuna", reason="optuna is not installed; pip install '.[tune]'")
 
-from optuna.distributions import FloatDistribution, IntDistribution
-
-from redundant_envs_train.tune import STARTUP, own_values, space_of, tune, with_values
+from redundant_envs_train.tune import STARTUP, tune
 
 pytestmark = pytest.mark.long
 
@@ -34,19 +33,20 @@ def rows(folder):
 @pytest.mark.parametrize(
     ("text", "kind", "low", "high", "log"),
     [
-        ("ppo.learning_rate=1e-3..1e-2", FloatDistribution, 1e-3, 1e-2, True),
-        ("ppo.n_epochs=1..20", IntDistribution, 1, 20, True),
-        (" ppo.log_std_init = -2 .. 1 ", FloatDistribution, -2.0, 1.0, False),
+        ("ppo.learning_rate=1e-3..1e-2", float, 1e-3, 1e-2, True), ("ppo.n_epochs=1..20", int, 1, 20, True),
+        (" ppo.log_std_init = -2 .. 1 ", float, -2.0, 1.0, False),
     ],
 )  # fmt: skip
 def test_a_range_has_the_kind_of_its_setting(text, kind, low, high, log):
-    assert [*space_of(CONFIG, [text]).values()] == [kind(low, high, log)]
+    (found,) = space_of(CONFIG, [text]).values()
+    assert found == {"low": low, "high": high, "log": log}
+    assert type(found["low"]) is type(found["high"]) is kind
 
 
 def test_a_choice_has_values_of_its_setting():
     space = space_of(CONFIG, ["ppo.net_arch=[64,64]|[32]", "ppo.activation=silu|tanh", "ppo.average=0|0.9"])
     picked = {"ppo.net_arch": "[32]", "ppo.activation": "tanh", "ppo.average": "0.0"}
-    assert all(picked[key] in distribution.choices for key, distribution in space.items())
+    assert all(picked[key] in within["choices"] for key, within in space.items())
     chosen = with_values(CONFIG, picked).ppo
     assert (chosen.net_arch, chosen.activation, chosen.average) == ((32,), "tanh", 0.0)
     for name in presets():  # the first trial has the preset's own values, which the default search contains
