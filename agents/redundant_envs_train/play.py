@@ -16,6 +16,7 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.figures import check_clip, write_clip
 from redundant_envs.support.values import check_between, say, shown
 
+from .config import Config
 from .rollout import Act, each, expert_act, policy_act, random_act
 from .run_folder import own_config, tell_differences
 
@@ -57,10 +58,7 @@ def play(
         if actions is not None:
             raise ValueError(f"--actions is {shown(actions)}; a run folder plays its policy: give an id")
         config = own_config(Path(target))
-        tell_differences([Path(target)])
-        from .policies import load_policy  # imports torch
-
-        act = policy_act(load_policy(Path(target), config, trust))
+        act = act_of(Path(target), config, trust)
         env_id, kwargs = config.env, dict(config.env_kwargs)
     else:
         env_id, who = full_id(target), "expert" if actions is None else actions
@@ -78,6 +76,14 @@ def play(
     for episode in range(episodes):
         say(f"seed {seed + episode}: {_episode(env, core, act, seed + episode, lambda step: None)}")
     env.close()
+
+
+def act_of(folder: Path, config: Config, trust: bool) -> Act:
+    """The policy of a folder; a line on stderr tells of another scene than its configuration names today."""
+    tell_differences([folder])
+    from .policies import load_policy  # imports torch
+
+    return policy_act(load_policy(folder, config, trust))
 
 
 def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:

@@ -1,9 +1,12 @@
 """Episodes on given goals, with any source of actions, all in parallel."""
 
-from collections.abc import Callable, Mapping, Sequence
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from redundant_envs.control import ComputedTorque, pose_at
@@ -101,6 +104,33 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         evaluations=np.array(evaluations), time_to_hold=time_to_hold,
         effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1), metrics=found,
     )  # fmt: skip
+
+
+def recorded(spec: EnvSpec, act: Act, episodes: int, seed: int) -> Iterator[tuple[Any, list[Any], Any]]:
+    """Run each episode once, with seed ``seed + i``, and give of each one its observations, the arrays of its
+    steps, actions first, and its infos; observations and infos begin at the reset."""
+
+    def told(info: Any, actions: Any) -> dict[str, Any]:
+        effort = np.square(np.clip(actions.astype(np.float64), -1.0, 1.0)).mean(axis=1)
+        return {name: info[name] for name in SUCCESS[:1] if name in info} | {"effort": effort, "tip": env.tip}
+
+    env: Any = gym.make_vec(spec, num_envs=episodes)
+    obs, info = env.reset(seed=seed)
+    seen, infos, steps = [obs], [told(info, np.zeros((episodes, 1)))], []
+    lengths, open_lanes = np.zeros(episodes, np.int64), np.ones(episodes, np.bool_)
+    while open_lanes.any():
+        actions = act(obs, env.unwrapped.core, len(steps))
+        obs, *step, info = env.step(actions)
+        seen.append(obs)
+        infos.append(told(info, actions))
+        steps.append((actions, *step))
+        lengths += open_lanes
+        open_lanes &= ~(step[1] | step[2])
+    env.close()
+    columns, observations, whole = [*map(np.stack, zip(*steps, strict=True))], stacked(seen), stacked(infos)
+    for lane, n in enumerate(lengths.tolist()):
+        states = operator.itemgetter((slice(n + 1), lane))
+        yield each(states, observations), [part[:n, lane] for part in columns], each(states, whole)
 
 
 def policy_act(model: Any) -> Act:

@@ -99,7 +99,7 @@ OTHERS = {
 def test_arguments_of_environments_are_kept(kwargs, tmp_path, monkeypatch):
     monkeypatch.setattr(llvm, "EFFORT", 0)
     monkeypatch.setattr(dataset, "LANES", 4)  # up to four environments share one program with one
-    monkeypatch.setattr(dataset, "spec_of", lambda env_id, given: spec_of(env_id, dict(kwargs)))
+    monkeypatch.setattr(dataset, "spec_of", lambda env_id, given: spec_of(env_id, kwargs))
     write_dataset("random", RPRP, 8, 0, tmp_path / "made")
     assert_replayed(tmp_path / "made", 0, 8)
     ends = [episode.terminations[-1] for episode in load(tmp_path / "made")]

@@ -1,15 +1,13 @@
 """Episodes as a Minari dataset: from its seed and its actions each one is replayed to the last bit."""
 
 import dataclasses
-import operator
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from redundant_envs import __version__
@@ -22,9 +20,9 @@ from redundant_envs.support.modules import IMPORTED
 from redundant_envs.support.progress import counted
 from redundant_envs.support.values import shown
 
-from ..play import ACTIONS
-from ..rollout import Act, each, policy_act, stacked
-from ..run_folder import check_out, new_folder, own_config, tell_differences
+from ..play import ACTIONS, act_of
+from ..rollout import Act, recorded
+from ..run_folder import check_out, new_folder, own_config
 
 ACTORS = {"expert": "computed torque", "random": "random actions"}
 ABOUT = (
@@ -59,15 +57,11 @@ def write_dataset(
         import h5py  # noqa: F401 - Minari imports it and PIL, and requires neither
         import minari
         import PIL  # noqa: F401
+        from minari.data_collector import EpisodeBuffer
         from minari.dataset.minari_storage import MinariStorage
-    make = ACTIONS["random" if config else word]
-    if config:
-        tell_differences([Path(word)])
-        from ..policies import load_policy  # imports torch
-
-        act = policy_act(load_policy(Path(word), config, trust))
-        make = lambda first: act  # noqa: E731
-    spec = spec_of(env_id, dict(config.env_kwargs) if config else {})
+    act = act_of(Path(word), config, trust) if config else None
+    make = (lambda seed: act) if act else ACTIONS[word]
+    spec = spec_of(env_id, config.env_kwargs if config else {})
     actor, name = config.label if config else ACTORS[word], re.sub(r"[^-\w]", "_", out.absolute().name)
     with new_folder(out) as part:
         single = gym.make(spec)
@@ -77,19 +71,18 @@ def write_dataset(
             "description": ABOUT.format(env_id, actor, seed, seed + episodes - 1),
             "requirements": [f"redundant-envs=={__version__}"], "minari_version": minari.__version__,
         })  # fmt: skip
-        storage.update_episodes(_played(spec, make, episodes, seed))
+        storage.update_episodes(EpisodeBuffer(*one) for one in _played(spec, make, episodes, seed))
         return int(storage.total_steps)
 
 
-def spec_of(env_id: str, kwargs: dict[str, Any]) -> EnvSpec:
+def spec_of(env_id: str, given: Mapping[str, Any]) -> EnvSpec:
     """A spec from which another process makes the environment: its scene is plain data, and its entry points
     name the modules of the command, which may have registered what is in the scene."""
-    spec, accuracy = gym.spec(env_id), kwargs.pop("accuracy", None)
-    scene = scene_at(kwargs.get("scene", spec.kwargs["scene"]), accuracy).to_dict()
-    kwargs = {"on_bad_action": "raise", **spec.kwargs, **kwargs, "scene": scene}
-    made = dataclasses.replace(
-        spec, max_episode_steps=kwargs.pop("max_episode_steps", spec.max_episode_steps), kwargs=kwargs
-    )
+    spec = gym.spec(env_id)
+    kwargs = {"on_bad_action": "raise", **spec.kwargs, **given}
+    kwargs["scene"] = scene_at(kwargs["scene"], kwargs.pop("accuracy", None)).to_dict()
+    steps = kwargs.pop("max_episode_steps", spec.max_episode_steps)
+    made = dataclasses.replace(spec, max_episode_steps=steps, kwargs=kwargs)
     for name in ("entry_point", "vector_entry_point"):
         home, _, names = str(getattr(spec, name)).partition(":")
         setattr(made, name, f"{home}:{'/'.join(dict.fromkeys([*IMPORTED, *names.split('/')]))}")
@@ -97,36 +90,10 @@ def spec_of(env_id: str, kwargs: dict[str, Any]) -> EnvSpec:
 
 
 def _played(spec: EnvSpec, make: Callable[[int], Act], episodes: int, seed: int) -> Iterator[Any]:
-    from minari.data_collector import EpisodeBuffer
-
+    """The arguments of Minari's EpisodeBuffer for each episode."""
     with counted("episodes", -(-episodes // LANES)) as done:
-        for first in range(0, episodes, LANES):
-            count = min(LANES, episodes - first)
-            env: Any = gym.make_vec(spec, num_envs=count)
-            core, act = env.unwrapped.core, make(seed + first)
-            obs, info = env.reset(seed=seed + first)
-            seen, infos = [obs], [_told(env, info, np.zeros((count, 1)))]
-            steps: list[dict[int, Any]] = []
-            lengths, open_lanes = np.zeros(count, np.int64), np.ones(count, np.bool_)
-            while open_lanes.any():
-                actions = act(obs, core, len(steps))
-                obs, *step, info = env.step(actions)
-                seen.append(obs)
-                infos.append(_told(env, info, actions))
-                steps.append(dict(enumerate((actions, *step))))
-                lengths += open_lanes
-                open_lanes &= ~(step[1] | step[2])
-            env.close()
-            columns, observations, told = stacked(steps), stacked(seen), stacked(infos)
-            for lane, n in enumerate(lengths.tolist()):
-                states = operator.itemgetter((slice(n + 1), lane))
-                step_of = [part[:n, lane] for part in columns.values()]
-                seen_of, told_of = each(states, observations), each(states, told)
-                yield EpisodeBuffer(None, seed + first + lane, None, seen_of, *step_of, told_of)
-            done(f"{first + count} of {episodes} episodes")
-
-
-def _told(env: Any, info: Any, actions: Any) -> dict[str, Any]:
-    """The numbers about each step that a dataset has beside those of an episode."""
-    effort = np.square(np.clip(actions.astype(np.float64), -1.0, 1.0)).mean(axis=1)
-    return {name: info[name] for name in ("is_success",) if name in info} | {"effort": effort, "tip": env.tip}
+        for first in range(seed, seed + episodes, LANES):
+            count = min(LANES, seed + episodes - first)
+            for k, (observations, steps, told) in enumerate(recorded(spec, make(first), count, first)):
+                yield None, first + k, None, observations, *steps, told
+            done(f"{first - seed + count} of {episodes} episodes")
