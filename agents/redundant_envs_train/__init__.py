@@ -16,8 +16,7 @@ COMMAND = "python -m agents" if IN_CHECKOUT else "redundant-envs-train"
 
 
 def command(*words: object) -> str:
-    """A command to paste into a shell: paths are quoted, and modules that this command imports are named
-    again."""
+    """A command to paste into a shell: paths are quoted, and modules that this one imports named again."""
     imports = (word for module in modules.IMPORTED for word in (modules.OPTION, module))
     return f"{COMMAND} {shlex.join(map(str, (*imports, *words)))}"
 

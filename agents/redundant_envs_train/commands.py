@@ -65,8 +65,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False, cls=_Commands,
 )  # fmt: skip
 
-PLACES = ("processes", "ray")  # where several runs are executed
-
 
 def run(arguments: list[str]) -> int:
     """Run one command; a ValueError says in one line what is wrong with the command."""
@@ -110,8 +108,8 @@ def train(
     ] = None,
 ) -> None:
     """Train, evaluate and report."""
-    if on not in PLACES:
-        raise ValueError(f"on is {shown(on)}; choose {' or '.join(PLACES)}")
+    if on not in ("processes", "ray"):
+        raise ValueError(f"on is {shown(on)}; choose processes or ray")
     if on != "processes" and seeds is None:
         raise ValueError(f"on {on} is for several seeds; give --seeds, such as --seeds 0..9")
     if address is not None and on != "ray":

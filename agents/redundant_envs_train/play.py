@@ -39,9 +39,8 @@ LARGEST_CLIP = 1 << 29
 def play(
     target: str, actions: str | None, path: Path | None, episodes: int, seed: int, trust: bool = False
 ) -> None:
-    """Show episodes in a window and print how each one ended, or write them to a clip, a GIF or MP4.
-    ``target`` is the folder of a policy, or the id of an environment, with ``actions``. Episode i has the
-    seed ``seed + i``."""
+    """Show episodes, with seeds ``seed + i``, in a window and print how each one ended, or write them to a
+    clip, a GIF or MP4. ``target`` is the folder of a policy, or an environment's id, with ``actions``."""
     check_between("episodes", episodes, 1, MAX_EPISODES)
     check_between("seed", seed, 0, MAX_SEED)
     if path is not None:
@@ -72,9 +71,8 @@ def play(
         say(f"clip: {path}")
         return
     env = gym.make(env_id, render_mode="human", **kwargs)
-    core = env.unwrapped.core  # type: ignore[attr-defined]
     for episode in range(episodes):
-        say(f"seed {seed + episode}: {_episode(env, core, act, seed + episode, lambda step: None)}")
+        say(f"seed {seed + episode}: {_episode(env, act, seed + episode, lambda step: None)}")
     env.close()
 
 
@@ -86,11 +84,10 @@ def act_of(folder: Path, config: Config, trust: bool) -> Act:
     return policy_act(load_policy(folder, config, trust))
 
 
-def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:
-    """Run an episode and say how it ended; ``after_step`` gets the number of its steps, and ends it by
-    True."""
+def _episode(env: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:
+    """Run an episode and say how it ended; ``after_step`` gets its steps so far, and ends it by True."""
     obs, info = env.reset(seed=seed)
-    done, step, returned = False, 0, 0.0
+    core, done, step, returned = env.unwrapped.core, False, 0, 0.0
     while not done:
         obs, reward, terminated, truncated, info = env.step(act(batched(obs), core, step)[0])
         done = terminated or truncated
@@ -107,8 +104,7 @@ def _episode(env: Any, core: Any, act: Act, seed: int, after_step: Callable[[int
 
 def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> None:
     """Whole episodes as a clip, GIF or MP4 by its ending."""
-    env = gym.make(env_id, render_mode="rgb_array", **kwargs)
-    core = env.unwrapped.core  # type: ignore[attr-defined]
+    env: Any = gym.make(env_id, render_mode="rgb_array", **kwargs)
     frames: list[NDArray[np.uint8]] = []
     is_full = False
 
@@ -123,7 +119,7 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
 
     for episode in range(episodes):
         if not is_full:
-            _episode(env, core, act, seed + episode, keep)
+            _episode(env, act, seed + episode, keep)
     env.close()
     if is_full:
         say(
@@ -131,7 +127,7 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
             "render_width has room for more",
             file=sys.stderr,
         )
-    write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * core.scene.control_dt)), 1))
+    write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * env.unwrapped.core.scene.control_dt)), 1))
 
 
 def batched(obs: Any) -> Any:

@@ -1,6 +1,5 @@
 """Policies as files: policy.zip has no objects of this package, and pickled ones, which could run the code of
-a stranger, are not read: the policy is built from config.yaml, and only its tensors are taken from the
-file."""
+a stranger, are not read: the policy is built from config.yaml, and only tensors are taken from the file."""
 
 import base64
 import io
@@ -56,8 +55,7 @@ their last episodes would be more than half of the file."""
 
 
 def save_policy(model: Any, path: Path) -> None:
-    """Save a learner's average so that stable-baselines3 alone loads it; the file is complete or
-    unchanged."""
+    """Save a learner's average, which stable-baselines3 alone loads; the file is complete or unchanged."""
     own = vars(model)
     changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
     changed |= {k: value for k, value in LEFT_OUT.items() if k in own}
@@ -227,8 +225,7 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
 
 def start_from(model: Any, config: Config, env: Any) -> None:
     """Give a learner, its averages and its targets the weights of the policy of ``config.start_from``;
-    ValueError if algorithm, networks or meaning of the observations of ``env`` are others, or the file is
-    damaged."""
+    ValueError if algorithm, networks or meaning of ``env``'s observations are others, or it is damaged."""
     assert config.start_from is not None
     file = policy_file(config.start_from)
     try:

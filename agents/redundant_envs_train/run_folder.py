@@ -342,8 +342,7 @@ def replace_folder(new: Path, folder: Path, old: Path) -> None:
 
 
 def check_study(folder: Path, marks: Sequence[str]) -> None:
-    """Refuse a folder for a study with links, or with files but none of the patterns that mark an earlier
-    call."""
+    """Refuse a folder for a study with links, or with files but none of the patterns of an earlier call's."""
     check_out(folder)
     check_plain(folder)
     if folder.is_dir() and any(folder.iterdir()) and not any(any(folder.glob(m)) for m in marks):
@@ -425,12 +424,10 @@ def check_unwritten(folder: Path, files: Sequence[str], force: bool) -> None:
     """Refuse a folder for results that holds files of their names, unless they may be overwritten."""
     check_out(folder)
     check_plain(folder)
-    if is_exported(folder) and not force:
-        raise ValueError(f"out is {folder}, an exported policy; choose another --out, or add --force")
-    there = [name for name in files if (folder / name).exists()]
-    if there and not force:
-        found = ", ".join(there)
-        raise ValueError(f"out is {folder}, which has {found}; choose another --out, or add --force")
+    there = ", ".join(name for name in files if (folder / name).exists())
+    found = "an exported policy" if is_exported(folder) else f"which has {there}" if there else ""
+    if found and not force:
+        raise ValueError(f"out is {folder}, {found}; choose another --out, or add --force")
 
 
 def check_target(folder: Path, out: Path | None, force: bool) -> None:

@@ -40,9 +40,8 @@ def sign_test(a: int, b: int) -> float:
 
 
 def differs(a: ArrayLike, b: ArrayLike, statistic: Statistic = np.mean) -> bool:
-    """Whether a statistic of paired samples, in the same order, differs beyond chance at the level of 95 %:
-    for truth values by the exact sign test of the pairs that differ, otherwise by the interval of a bootstrap
-    of pairs."""
+    """Whether a statistic of paired samples, in the same order, differs beyond chance at a level of 95 %: for
+    truth values by the exact sign test of the pairs that differ, otherwise by a bootstrap of pairs."""
     pairs = np.stack([np.asarray(a), np.asarray(b)], axis=1)
     if pairs.dtype == np.bool_:
         won, lost = (int((pairs[:, i] & ~pairs[:, 1 - i]).sum()) for i in (0, 1))
@@ -55,8 +54,7 @@ def differs(a: ArrayLike, b: ArrayLike, statistic: Statistic = np.mean) -> bool:
 
 
 def permutation_test(a: Array, b: Array) -> float:
-    """Two-sided p of the difference of two means of few samples: the share of all splits that differ as
-    much."""
+    """Two-sided p of the difference of means of few samples: the share of splits that differ as much."""
     both = np.concatenate([a, b])
     sums = both[list(itertools.combinations(range(len(both)), len(a)))].sum(axis=1)
     differences = np.abs(sums / len(a) - (both.sum() - sums) / len(b))

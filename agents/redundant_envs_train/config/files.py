@@ -49,8 +49,7 @@ def is_override(word: str) -> bool:
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
-    """A YAML file or a preset, with overrides such as ``seed=3``; an override in its place begins with
-    defaults."""
+    """A YAML file or a preset, or defaults if an override stands there, with overrides such as ``seed=3``."""
     if is_override(str(path)):
         return merged(None, {"config_version": VERSION}, [str(path), *overrides], config_of)
     file = preset_path(path)
@@ -72,8 +71,7 @@ def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
 def merged(
     file: str | Path | None, data: dict[str, Any], overrides: Sequence[str], make: Callable[[Any], Any]
 ) -> Any:
-    """What ``make`` gives for a file with overrides; its ValueError names the line of the file, which is a
-    whole one, or blames the command."""
+    """What ``make`` gives for a file with overrides; a ValueError names the line of a file, or the command."""
     if file is not None:
         with explained(file):
             made = make(data)
@@ -139,7 +137,8 @@ def page_of_keys() -> str:
     for name, field in keys():
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         low, high = limits(field)
-        allowed = ", ".join(values(field))
+        choices = get_args(field.annotation)
+        allowed = ", ".join(choices) if all(isinstance(choice, str) for choice in choices) else ""
         if low is not None and high is not None:
             allowed = f"{short(low)} to {short(high)}"
         default = "" if field.is_required() else f"`{written(field.default)}`"
@@ -149,12 +148,6 @@ def page_of_keys() -> str:
     tables = {algo: markdown(head, cells, formatted=True) for algo, cells in rows.items()}
     text = KEYS + tables.pop("")
     return text + "".join(f"\n\n## Settings of {algo}\n\n{table}" for algo, table in tables.items()) + "\n"
-
-
-def values(field: Any) -> list[str]:
-    """The names that a field accepts, if it has a closed choice of them."""
-    choices = get_args(field.annotation)
-    return list(choices) if all(isinstance(choice, str) for choice in choices) else []
 
 
 def written(default: Any) -> str:

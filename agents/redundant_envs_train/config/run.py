@@ -172,9 +172,9 @@ class Config(Model):
         """What tables and figures call the learner."""
         return label(self.algo)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, with the settings of the chosen algorithm only."""
-        return self.model_dump(mode="json", exclude=set(ALGORITHMS) - {self.algo})
+    def to_dict(self, *without: str) -> dict[str, Any]:
+        """Plain data, with the settings of the chosen algorithm only, and without some entries."""
+        return self.model_dump(mode="json", exclude={*ALGORITHMS, *without} - {self.algo})
 
 
 def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:

@@ -33,8 +33,6 @@ LEARNER_COLORS = {
 """Learners have the same colour in all figures. Most are Okabe and Ito's, for colour-blind readers."""
 EXPERT_COLOR = "black"
 """The colour of computed torque in all figures."""
-COLORS = tuple(LEARNER_COLORS.values())
-"""Colours of learners whose settings differ from each other's."""
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
 """Rates that are labelled, the most important first."""
 CLOSEST = 0.075  # least distance of two labels, as a fraction of the axis
@@ -90,9 +88,8 @@ def _rows(same: Group, axis: str) -> Iterable[dict[str, Any]]:
 
 
 def summarize(same: Group, axis: str) -> Curve:
-    """The curve of a group; runs whose points differ are interpolated linearly, from the latest first point
-    to the earliest last one, with as many points as the longest run has. ValueError if they have no stretch
-    in common."""
+    """The curve of a group; runs whose points differ are interpolated linearly where all have a curve, at
+    as many points as the longest run has. ValueError if that is nowhere."""
     lines = [points(run, axis) for run in same.runs]
     grid = lines[0][0]
     if any(not np.array_equal(x, grid) for x, _ in lines):
@@ -201,8 +198,7 @@ def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
 
 
 def _rate_scale(panel: Any, goal: float) -> None:
-    """A scale of rates that is logarithmic in the misses, to which one goal is added, so that 100 % is on
-    it."""
+    """A scale of rates, logarithmic in the misses, to which one goal is added, so that 100 % is on it."""
 
     def height(rate: Any) -> Any:
         return -np.log10(np.maximum(1.0 + goal - np.asarray(rate, dtype=np.float64), 1e-12))
@@ -223,6 +219,8 @@ def _rate_scale(panel: Any, goal: float) -> None:
 def _looks(groups: Sequence[Group]) -> dict[str, str]:
     """Colour of each learner, the same in all panels; others take turns with those that are free."""
     learners = {same.learner for same in groups}
-    free = [color for who, color in LEARNER_COLORS.items() if who not in learners] or list(COLORS)
+    free = [color for who, color in LEARNER_COLORS.items() if who not in learners] or [
+        *LEARNER_COLORS.values()
+    ]
     others = zip(sorted(learners - LEARNER_COLORS.keys()), itertools.cycle(free), strict=False)
     return dict(others) | LEARNER_COLORS

@@ -1,5 +1,4 @@
-"""Runs from their folders and from tables, with a line of JSON for each, and groups that differ in seeds
-alone."""
+"""Runs from their folders and from tables, a line of JSON for each, and groups that differ in seeds alone."""
 
 import fnmatch
 import json
@@ -86,10 +85,6 @@ def run_of(
     curve: NDArray[np.float64], simulator: str | None,
 ) -> Run:  # fmt: skip
     """A run from its parts; ValueError if they contradict each other."""
-    settings = config.to_dict()
-    seed = settings.pop("seed")
-    for name in WITHOUT_EFFECT:
-        del settings[name]
     for name in ("env", "algo", "seed"):
         if evaluation[name] != (value := getattr(config, name)):
             raise ValueError(
@@ -105,7 +100,8 @@ def run_of(
             f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
             f"it again: {train_again(folder)}"
         )
-    return Run(folder, config.env, config.label, seed, settings, scene, evaluation, curve, simulator)
+    settings = config.to_dict("seed", *WITHOUT_EFFECT)
+    return Run(folder, config.env, config.label, config.seed, settings, scene, evaluation, curve, simulator)
 
 
 def group(runs: Iterable[Run]) -> list[Group]:

@@ -40,8 +40,7 @@ UNKNOWN = "-"
 
 
 def results_table(places: Iterable[str | Path]) -> str:
-    """Results of runs as two Markdown tables, with a row for each group, and the notes needed to judge
-    them."""
+    """Results of runs as two Markdown tables, a row for each group, and the notes needed to judge them."""
     groups, comparison, untold = read_groups(places), [], []
     for same in groups:
         numbers = [_number(same.numbers(f"{who}{name}")) for name in MEASURES for who in ("", "expert_")]

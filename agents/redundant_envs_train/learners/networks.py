@@ -25,9 +25,8 @@ ONE = torch.ones(())
 
 
 class Activation(NamedTuple):
-    """An activation as torch's module, and as functions, which may overwrite their first arguments:
-    ``forward`` gives its values and what ``backward`` needs beside them to turn derivatives by values into
-    those by inputs."""
+    """An activation as torch's module, and as functions, which may overwrite first arguments; ``forward``
+    gives values, and what ``backward`` needs beside them for derivatives by inputs from those by values."""
 
     module: type[nn.Module]
     in_place: Callable[[Tensor], Tensor]
@@ -231,9 +230,8 @@ def goal_mixing(space: spaces.Space[Any], error_scale: float = ERROR_SCALE) -> T
 
 
 class Averaging:
-    """Mixin for an algorithm of stable-baselines3 whose networks are trained as vectors: the modules that act
-    hold the present weights, and inside :meth:`averaged` all do, or their averages. A plain algorithm has no
-    vectors."""
+    """Mixin for an algorithm of stable-baselines3 whose networks, unless it is plain, are trained as vectors:
+    modules that act hold the present weights, and inside :meth:`averaged` all do, or their averages."""
 
     networks: dict[str, Networks] = {}  # all trained vectors, and targets
     adams: dict[str, Adam] = {}

@@ -163,8 +163,7 @@ class AveragedSAC(Averaging, SAC):
         self.adams["critics"].step(rate)
 
     def _update_actor(self, chosen: Tensor, drawn: SampledActions, smoothness: Tensor, rate: float) -> None:
-        """One step of the actor at ``chosen`` states, with actions drawn there: the last rows of
-        ``drawn``."""
+        """One step of the actor at ``chosen`` states, with the last rows of ``drawn``, actions there."""
         count, width = len(chosen), drawn.actions.shape[1]
         action, noise, raw = drawn.actions[-count:], drawn.noise[-count:], drawn.outputs[-count:, width:]
         alpha = self._alpha() / count

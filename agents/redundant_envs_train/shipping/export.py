@@ -68,9 +68,8 @@ def name_of(config: Config) -> str:
 
 
 def export(run: Path, out: Path) -> Path:
-    """Write the policy of an evaluated run to its own folder inside ``out``. No pickled objects of a stranger
-    are copied: policy.zip is written again from checked weights. ValueError if a file acts otherwise than the
-    policy."""
+    """Write the policy of an evaluated run to a folder inside ``out``; ValueError if a file acts otherwise.
+    No pickled objects of a stranger are copied: policy.zip is written again from checked weights."""
     config, evaluation = read_config(run), read_run(run).evaluation
     for name in ("env_steps", "train_seconds"):
         if evaluation[name] is None:
@@ -162,8 +161,7 @@ def card(
 
 
 def front_matter(config: Config, evaluation: Mapping[str, Any], scene: str, library: str, count: int) -> str:
-    """Front matter of a model card (https://huggingface.co/docs/hub/model-cards), with its first
-    ``count`` results."""
+    """Front matter of a card (https://huggingface.co/docs/hub/model-cards), with ``count`` results."""
     metrics = []
     for label, key, scale, digits, unit in MEASURES[:count]:
         if evaluation.get(key) is not None:

@@ -1,6 +1,5 @@
-"""A policy as plain layers in double precision, in which all libraries agree far below 1e-6: in single
-precision sums depend on their order, and actions for one observation differ by some 1e-6 from those in a
-batch."""
+"""A policy as plain layers in double precision, in which all libraries agree far below 1e-6: in single, sums
+depend on their order, and actions for one observation differ by some 1e-6 from those in a batch."""
 
 import copy
 from collections.abc import Mapping

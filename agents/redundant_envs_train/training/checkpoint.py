@@ -35,8 +35,7 @@ MONITOR = ("episode_returns", "episode_lengths", "episode_count")
 RANDOM_STATE = ("kind", "keys", "position", "has_gauss", "cached_gaussian")
 """State of NumPy's global generator, from which replay buffers sample."""
 PROGRESS = ("next", "seconds", "hold", "return")
-"""Of the caller: next point of the curve (steps), training time (s), the last point's success and mean
-return."""
+"""Of the caller: next point of the curve (steps), training time (s), success and return of the last one."""
 BUFFER_ARRAYS = (
     "observations", "next_observations", "actions", "rewards", "dones", "timeouts", "ep_start", "ep_length",
 )  # fmt: skip
@@ -56,9 +55,8 @@ def remove(folder: Path) -> None:
 
 
 def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run: dict[str, Any]) -> None:
-    """Write a checkpoint; the run's folder always holds a complete one. ``monitor`` is around the
-    environments, ``progress`` has the numbers of ``PROGRESS``, and :func:`restore` requires the same identity
-    ``run``."""
+    """Write a checkpoint; the folder always holds a complete one. ``monitor`` is around the environments,
+    ``progress`` has the numbers of ``PROGRESS``, and :func:`restore` requires the same identity ``run``."""
     part = folder / PART
     shutil.rmtree(part, ignore_errors=True)
     monitor.results_writer.file_handler.flush()

@@ -39,8 +39,7 @@ def _train_one(data: dict[str, Any], place: str, progress: Progress) -> str:
 
 def in_processes(work: Callable[..., str], jobs: Mapping[str, Any], count: int, own_cores: bool) -> None:
     """Do ``work(*job, progress)`` for each job in ``count`` processes, each on a core of its own if they need
-    one and there are enough, and show their progress until all have ended. Stopped or ValueError as in
-    :func:`follow`."""
+    one and there are enough, and show progress. Stopped or ValueError as in :func:`follow`."""
     context = multiprocessing.get_context("spawn")
     waiting, news, stopping = context.Queue(), context.Queue(), context.Event()
     for job in jobs.items():
@@ -96,8 +95,7 @@ def _reports(
 
 
 class Teller(Progress):
-    """Progress that ``tell`` sends to another process; ``stopping`` says whether the user has asked to
-    stop."""
+    """Progress that ``tell`` sends to another process; ``stopping``: whether the user has asked to stop."""
 
     def __init__(self, tell: Callable[[News], Any], stopping: Callable[[], bool], name: str) -> None:
         super().__init__(disable=True)

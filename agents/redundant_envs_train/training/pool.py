@@ -33,9 +33,8 @@ class Stopped(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """Within this context the first SIGINT, SIGTERM or SIGHUP is kept as a request; a second one interrupts
-    at once. In a thread other than the main one, which receives no signals, :func:`ask_to_stop` alone makes
-    it."""
+    """Within this context the first SIGINT, SIGTERM or SIGHUP is kept as a request; a second interrupts at
+    once. In other threads than the main one, which get no signals, :func:`ask_to_stop` alone makes it."""
     request = threading.Event()
 
     def note(number: int, frame: object) -> None:
@@ -78,8 +77,7 @@ def _leave_terminal() -> None:
 
 
 def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News]]) -> None:
-    """Show the reports that ``pool`` gives until all runs have ended; Stopped or ValueError if they were
-    stopped or one failed."""
+    """Show the reports of ``pool`` until all runs have ended; Stopped, or ValueError if one failed."""
     failures, told = [], False
     with progress_bars() as bars, stop_request() as stop:
         lines = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}

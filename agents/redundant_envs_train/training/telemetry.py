@@ -48,8 +48,7 @@ def check(config: Config) -> dict[str, Any]:
 
 
 def logger(folder: Path, config: Config, steps: int) -> Logger:
-    """The logger of a training that goes on after some steps; a client's own variables set its
-    destination."""
+    """The logger of a training that goes on after some steps; variables of a client set where it sends."""
     clients, writers = check(config), list[KVWriter]()
     for name in config.telemetry:
         if name == "tensorboard":

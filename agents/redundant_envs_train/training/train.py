@@ -42,8 +42,7 @@ def train(
     config: Config, folder: Path, progress: Progress | None = None, on_point: OnPoint | None = None
 ) -> dict[str, Any]:
     """Train, and keep the averaged policy in ``folder``, new or empty; returns steps and seconds. What
-    ``on_point`` raises ends the training and is raised here. Stopped if the user asked for it: the folder
-    then has a checkpoint."""
+    ``on_point`` raises is raised here. Stopped if the user asked for it: the folder then has a checkpoint."""
     run_folder.check_new(folder)
     config, new = run_folder.with_start(config), not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
@@ -63,16 +62,12 @@ def resume(
     stopped before its first one, or without any if ``again``, begins again, and what it had is set aside."""
     config = run_folder.config_to_resume(folder, overrides)
     with alone(folder, "trains"):
-        if again or run_folder.check_resumable(folder) is None:
-            return _again(config, folder, progress)
-        return _run(config, folder, progress, new=False, resumed=True)
-
-
-def _again(config: Config, folder: Path, progress: Progress | None) -> dict[str, Any]:
-    before = run_folder.set_aside(folder, (*run_folder.TRAINED, *run_folder.JUDGED))
-    where = f"; what it had is in {before}" if before else ""
-    say(f"note: {folder} was stopped without a checkpoint, and begins again{where}", file=sys.stderr)
-    return _run(config, folder, progress, new=False)
+        resumed = not again and run_folder.check_resumable(folder) is not None
+        if not resumed:
+            before = run_folder.set_aside(folder, (*run_folder.TRAINED, *run_folder.JUDGED))
+            where = f"; what it had is in {before}" if before else ""
+            say(f"note: {folder} was stopped without a checkpoint, and begins again{where}", file=sys.stderr)
+        return _run(config, folder, progress, new=False, resumed=resumed)
 
 
 def _run(
@@ -127,7 +122,7 @@ def _run(
                 bars.remove_task(watch.task)
         facts = {
             "env_steps": int(model.num_timesteps), "train_seconds": round(watch.seconds(), 2),
-            "simulator": simulator_hash(base.core),
+            "simulator": run["simulator"],
             "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
         if full is not None:
@@ -168,13 +163,6 @@ def keep(model: Any, folder: Path) -> str:
 
 
 def identity(config: Config, core: Core) -> dict[str, Any]:
-    """Identity of a checkpoint: the simulator, and the configuration without entries that change no step."""
-    settings = config.to_dict()
-    for name in (*WITHOUT_EFFECT, "max_seconds"):
-        del settings[name]
-    return {"settings": settings, "simulator": simulator_hash(core)}
-
-
-def simulator_hash(core: Core) -> str:
-    """Identifies the simulator of a scene: a hash of its program."""
-    return core.simulator.key()[:16]
+    """Identity of a checkpoint: the settings that change steps, and a hash of the simulator's program."""
+    settings = config.to_dict(*WITHOUT_EFFECT, "max_seconds")
+    return {"settings": settings, "simulator": core.simulator.key()[:16]}
