@@ -25,8 +25,7 @@ with needs("train"):
     import typer.core
     from typer import Argument, Option
 
-# This module imports nothing large: a command checks its arguments before it imports torch, so that a wrong
-# name is refused at once.
+# Nothing large is imported here: a wrong argument is refused at once, before torch is imported.
 
 
 Training = Annotated[

@@ -70,17 +70,11 @@ def save_policy(model: Any, path: Path) -> None:
 
 
 def saved(model: Any, exclude: Sequence[str] = ()) -> bytes:
-    """The policy.zip of a learner, for all versions of NumPy that stable-baselines3 runs with."""
-    memory = io.BytesIO()
+    """The policy.zip of a learner, with objects that NumPy 1 and 2 read: it pickles arrays by names of its
+    inner modules, which NumPy 2 has moved."""
+    memory, changed = io.BytesIO(), io.BytesIO()
     model.save(memory, exclude=exclude)
-    return portable(memory.getvalue(), vars(model))
-
-
-def portable(data: bytes, own: Mapping[str, Any]) -> bytes:
-    """The bytes of a policy.zip whose objects, here by name, are pickled as NumPy 1 and 2 read them: NumPy
-    pickles its arrays by the names of its inner modules, which NumPy 2 has moved."""
-    memory = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(memory, "w") as new:
+    with zipfile.ZipFile(memory) as old, zipfile.ZipFile(changed, "w") as new:
         for entry in old.infolist():
             content = old.read(entry)
             if entry.filename == "data":
@@ -89,11 +83,11 @@ def portable(data: bytes, own: Mapping[str, Any]) -> bytes:
                     text = value.get(PICKLED) if isinstance(value, dict) else None
                     if text is not None and b"numpy" in base64.b64decode(text):
                         pickled = io.BytesIO()
-                        _PublicNames(pickled).dump(own[name])
+                        _PublicNames(pickled).dump(vars(model)[name])
                         value[PICKLED] = base64.b64encode(pickled.getvalue()).decode()
                 content = json.dumps(about, indent=4).encode()
             new.writestr(entry, content)
-    return memory.getvalue()
+    return changed.getvalue()
 
 
 class _PublicNames(cloudpickle.Pickler):

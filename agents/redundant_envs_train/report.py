@@ -201,7 +201,7 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
     yet, to ``out`` or its own folder; they replace files of their names."""
     config = run_folder.own_config(folder)
     out = folder if out is None else out
-    policy = load_policy(folder, config, trust)
+    act = policy_act(load_policy(folder, config, trust))
     evaluated = folder
     if not all((folder / name).is_file() for name in run_folder.EVALUATED):
         evaluated = out
@@ -211,9 +211,7 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
     run = None if run_folder.is_exported(folder) else read_run(folder, stopped=True, evaluation=result)
     if picture := run is not None and len(run.curve):
         draw_curves(group([run]), out / "plots" / "learning_curve.png")
-    clip(
-        out / "clip.gif", config.env, policy_act(policy), CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs
-    )
+    clip(out / "clip.gif", config.env, act, CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
     target = out / "report.md"
     text = page(
         "report", folder=folder, config=config, result=result, picture=picture,

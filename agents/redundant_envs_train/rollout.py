@@ -116,7 +116,7 @@ def recorded(spec: EnvSpec, act: Act, episodes: int, seed: int) -> Iterator[tupl
 
     env: Any = gym.make_vec(spec, num_envs=episodes)
     obs, info = env.reset(seed=seed)
-    seen, infos, steps = [obs], [told(info, np.zeros((episodes, 1)))], []
+    seen, infos, steps = [obs], [told(info, np.zeros((episodes, 1)))], list[Any]()
     lengths, open_lanes = np.zeros(episodes, np.int64), np.ones(episodes, np.bool_)
     while open_lanes.any():
         actions = act(obs, env.unwrapped.core, len(steps))

@@ -361,10 +361,8 @@ def begin_study(path: Path, asked: dict[str, Any], storage: str) -> str:
     except (ValueError, AttributeError):
         raise ValueError(f"{path} is damaged, or no study's; choose another --out") from None
     if differing:
-        name, theirs, own = differing
-        raise ValueError(
-            f"{path.parent} holds a study with {name}: {theirs}, and this one has {own}; choose another --out"
-        )
+        other = "{}: {}, and this one has {}".format(*differing)
+        raise ValueError(f"{path.parent} holds a study with {other}; choose another --out")
     return hashlib.sha256(json.dumps(asked).encode()).hexdigest()
 
 

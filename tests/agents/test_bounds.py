@@ -79,9 +79,7 @@ def test_a_policy_that_would_fill_the_memory(write, words, tmp_path, lean):
 
 def test_json_and_tables_that_would_fill_the_memory(tmp_path, lean, monkeypatch):
     monkeypatch.setattr(run_folder, "MAX_EPISODES", 10_000)
-    evaluation, selection = (
-        (write_run(tmp_path / name) / name) for name in ("evaluation.json", "selection.csv")
-    )
+    evaluation, selection = ((write_run(tmp_path / n) / n) for n in ("evaluation.json", "selection.csv"))
     rows, head = tmp_path / "runs.jsonl", selection.read_text().splitlines()[0]
     for path, text in (
         (evaluation, "[" * 100_000), (evaluation, '{"seed": ' + "9" * 500_000 + "}"),

@@ -130,10 +130,8 @@ def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
 
 def row_of(base, **columns):
     """The row of a table of runs of the seeds 0, 1, ..., by its columns; each run has its own entries."""
-    lines = zip(*columns.values(), strict=True)
-    runs = [
-        write_run(base / f"{k}", k, **dict(zip(columns, line, strict=True))) for k, line in enumerate(lines)
-    ]
+    rows = zip(*columns.values(), strict=True)
+    runs = [write_run(base / f"{k}", k, **dict(zip(columns, row, strict=True))) for k, row in enumerate(rows)]
     head, _, row, *_ = results_table(runs).split("\n\n")[0].split("\n")
     names, cells = ([cell.strip() for cell in line.strip("|").split(" | ")] for line in (head, row))
     return dict(zip(names, cells, strict=True))

@@ -94,11 +94,9 @@ def test_a_folder_with_links_is_refused_with_their_names(name, run, tmp_path, re
     shutil.rmtree(link) if link.is_dir() else link.unlink(missing_ok=True)
     link.parent.mkdir(parents=True, exist_ok=True)
     link.symlink_to(victim if name != "report.md" else tmp_path / "nowhere")
-    commands = (
-        readers(run, tmp_path / "out").values() if name == "policy.zip" else [["report", run, "--force"]]
-    )
+    given = readers(run, tmp_path / "out").values() if name == "policy.zip" else [["report", run, "--force"]]
     seeds = ["train", "rprp_reach_ppo", "--seeds", "0", "--out", run.parent]
-    for words in (*commands, ["resume", run], seeds):
+    for words in (*given, ["resume", run], seeds):
         refused(words, f"{name} (a link)")
     refused(["evaluate", POLICIES / "RPRPReach-v0-ppo", "--out", run, "--force"], f"{name} (a link)")
     assert victim.read_text() == "precious"

@@ -73,9 +73,7 @@ def test_ppo_without_average_and_smoothness_is_that_of_stable_baselines3(activat
 
 @pytest.mark.quick("auto-silu")
 @pytest.mark.parametrize(("ent_coef", "activation"), [("auto", "silu"), (0.1, "tanh"), ("auto", "relu")])
-def test_sac_without_average_delay_and_smoothness_is_that_of_stable_baselines3(
-    ent_coef, activation, monkeypatch
-):
+def test_sac_without_average_delay_and_smoothness_is_that_of_sb3(ent_coef, activation, monkeypatch):
     plain, both = torch.randn, (64, 4)
 
     def randn(shape, *given, **more):

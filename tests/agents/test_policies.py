@@ -152,9 +152,7 @@ ABOUT = [  # the same of its description
     ("member", "words", "change"),
     [*(("policy.pth", *row) for row in WEIGHTS), *(("data", *row) for row in ABOUT)],
 )
-def test_other_bytes_than_fitting_weights_and_their_description_are_one_error(
-    member, words, change, damaged, refused
-):
+def test_other_bytes_than_weights_and_a_description_are_one_error(member, words, change, damaged, refused):
     path = damaged / "policy.zip"
     given = members(path)["data"] if member == "data" else read_weights(path, "silu")[0]
     write_members(path, members(path) | {member: change(given)})
@@ -242,8 +240,6 @@ def test_a_policy_that_does_not_fit_is_one_line(policy, settings, tmp_path, refu
     small = ["num_envs=16"] if "algo=sac" in settings else TINY
     lonely = shutil.copy(POLICIES / policy / "policy.zip", tmp_path)  # without a folder that describes it
     for start in (POLICIES / policy, lonely):
-        command = ["train", "rprp_reach_ppo", *small, *settings, f"start_from={start}"]
-        refused(
-            [*command, "--out", tmp_path / "run"], "start_from does not fit: ", "give a policy of the same"
-        )
+        words = ["train", "rprp_reach_ppo", *small, *settings, f"start_from={start}"]
+        refused([*words, "--out", tmp_path / "run"], "start_from does not fit: ", "give a policy of the same")
     assert not (tmp_path / "run").exists()

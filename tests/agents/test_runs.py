@@ -197,9 +197,7 @@ def test_what_is_there_is_replaced_only_when_asked(run, call, refused):
         assert after[run / name][0] == before[run / name][0]  # to the same numbers
 
 
-def test_a_stopped_training_leaves_a_run_and_goes_on_in_its_own_scene(
-    home, tmp_path, monkeypatch, call, refused
-):
+def test_a_stopped_training_is_a_run_and_goes_on_in_its_own_scene(home, tmp_path, monkeypatch, call, refused):
     monkeypatch.chdir(tmp_path)
     write_scene_file(tmp_path, 0.3)
     points, point, folder, whole = [], Watch.point, Path("run"), home / "run"
@@ -356,7 +354,7 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
     monkeypatch.setattr(llvm, "EFFORT", 3)  # that of processes that are no test: a checkpoint has its code
     monkeypatch.chdir(tmp_path)
     Path("waits.py").write_text(WAITS)
-    command = ["train", "rprp_reach_ppo", *SMALL, "--out", "runs", "--processes"]
+    words = ["train", "rprp_reach_ppo", *SMALL, "--out", "runs", "--processes"]
     four, five, six = (Path("runs") / f"seed{seed}" for seed in (4, 5, 6))
 
     def interrupt():
@@ -368,21 +366,19 @@ def test_seeds_in_a_process_are_stopped_in_order_and_go_on_to_the_runs_they_are_
     monkeypatch.setattr(many, "IMPORTED", ["waits"])
     user = threading.Thread(target=interrupt)
     user.start()
-    _, error = call(*command, 1, "--seeds", "5,4", status=130)
+    _, error = call(*words, 1, "--seeds", "5,4", status=130)
     user.join()
     assert error.splitlines()[-1] == "stopped; the same command with the same --out goes on"
     assert [data(folder, "training.json")["stopped"] for folder in (four, five)] == [True, False]
     before = kept(five)
     six.mkdir()
     (six / "mine").touch()
-    refused(
-        [*command, 2, "--seeds", "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder"
-    )
+    refused([*words, 2, "--seeds", "4..6"], "1 of 3 runs failed; the same command goes on: seed6: run folder")
     assert kept(five) == before  # it is finished, and stays
     train(load("rprp_reach_ppo", [*SMALL, "seed=4"]), Path("alone"))
     assert_same_policy(Path("alone"), four)
     (five / "report.md").unlink()  # and no more is missing
     change(four / "training.json", stopped=True, env_steps=5)  # without a checkpoint: it begins anew
-    assert "| RPRPReach-v0 | PPO | 2 |" in call(*command, 2, "--seeds", "4,5")[0]
+    assert "| RPRPReach-v0 | PPO | 2 |" in call(*words, 2, "--seeds", "4,5")[0]
     assert (five / "report.md").is_file()
     assert data(four, "training.json")["env_steps"] == 1024

@@ -73,9 +73,8 @@ def test_files_of_a_shipped_policy_agree_to_1e_6_and_its_card_has_the_published_
     for part in ("## Task", "## How it was trained", "## Results", "## Limits", "## Load it", config.env):
         assert part in body
     data, table = yaml.safe_load(head), dict(re.findall(r"^\| ([a-z ]+) \| ([^|]+) \|", body, re.M))
-    assert data["library_name"] == (
-        "sb3-contrib" if config.algo in ("tqc", "crossq") else "stable-baselines3"
-    )
+    library = "sb3-contrib" if config.algo in ("tqc", "crossq") else "stable-baselines3"
+    assert data["library_name"] == library
     (result,) = data["model-index"][0]["results"]
     assert result["dataset"]["type"] == config.env
     metrics = {metric["type"].replace("_", " "): metric["value"] for metric in result["metrics"]}
@@ -108,9 +107,7 @@ def test_a_file_that_acts_otherwise_is_refused_and_leaves_nothing(run, file, val
     assert [p.name for p in tmp_path.iterdir()] == ["runs"]
 
 
-def test_one_command_exports_a_policy_once_and_numpy_alone_acts(
-    run, tmp_path, monkeypatch, capsys, call, refused
-):
+def test_export_writes_a_policy_once_and_numpy_alone_acts(run, tmp_path, monkeypatch, capsys, call, refused):
     folder = tmp_path / "RPRPReach-v0-sac"
     bad = {"machine": "<img src=x onerror=alert(1)> `rm` | [a](b)", "versions": {"<b>": "*"}}
     change(run / "evaluation.json", **bad)

@@ -52,9 +52,7 @@ def test_computed_torque_needs_strong_motors():
     assert held[1.0, HOLDABLE] == held[1.0, EXPERT] == 1.0
     assert held[0.3, EXPERT] + 0.1 < held[0.3, HOLDABLE] < 1.0
     assert held[0.3, EXPERT] < held[0.3, LIGHTEST] < held[0.3, HOLDABLE]
-    weak = load_scene(
-        weakened("rprp_reach", 0.3)
-    )  # whose limits alone say what it can hold, within 2 % of 1 m
+    weak = load_scene(weakened("rprp_reach", 0.3))  # whose limits alone say what it holds, within 2 % of 1 m
     loads = holding_load(weak, strength.frozen_goals("RPRP", 41), 0.02)
     assert held[0.3, HOLDABLE] == (loads <= 1.0).mean()
 

@@ -71,7 +71,7 @@ def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
 def merged(
     file: str | Path | None, data: dict[str, Any], overrides: Sequence[str], make: Callable[[Any], Any]
 ) -> Any:
-    """What ``make`` gives for a file with overrides; a ValueError names the line of a file, or the command."""
+    """What ``make`` gives for a file with overrides; a ValueError names the line there, or the command."""
     if file is not None:
         with explained(file):
             made = make(data)

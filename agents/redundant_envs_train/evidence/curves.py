@@ -219,8 +219,6 @@ def _rate_scale(panel: Any, goal: float) -> None:
 def _looks(groups: Sequence[Group]) -> dict[str, str]:
     """Colour of each learner, the same in all panels; others take turns with those that are free."""
     learners = {same.learner for same in groups}
-    free = [color for who, color in LEARNER_COLORS.items() if who not in learners] or [
-        *LEARNER_COLORS.values()
-    ]
+    free = [c for who, c in LEARNER_COLORS.items() if who not in learners] or [*LEARNER_COLORS.values()]
     others = zip(sorted(learners - LEARNER_COLORS.keys()), itertools.cycle(free), strict=False)
     return dict(others) | LEARNER_COLORS

@@ -50,9 +50,7 @@ ACTIVATIONS = {
         nn.Tanh, torch.tanh_, lambda z: (torch.tanh_(z),) * 2,
         lambda d, y, _: torch.ops.aten.tanh_backward(d, y),
     ),
-    "relu": Activation(
-        nn.ReLU, torch.relu_, lambda z: (torch.relu_(z),) * 2, lambda d, y, _: d.mul_(y > 0.0)
-    ),
+    "relu": Activation(nn.ReLU, torch.relu_, lambda z: (torch.relu_(z),) * 2, lambda d, y, _: d.mul_(y > 0)),
 }  # fmt: skip
 
 Layers = Sequence[Sequence[nn.Linear]]

@@ -19,20 +19,18 @@ MEASURES = (
 """Lines of a table of results: name, key, factor, digits, unit."""
 
 
-def results_table(
-    evaluation: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)
-) -> Markdown:
+def results_table(result: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)) -> Markdown:
     """The first ``count`` results of a policy as a Markdown table beside those of computed torque, and which
     are better beyond chance if the evaluation has compared them."""
-    rows, better = [], evaluation["better"]
+    rows, better = [], result["better"]
     words = {True: policy, False: "computed torque"}
     for label, key, scale, digits, unit in MEASURES[:count]:
-        found = [evaluation.get(f"{who}{key}") for who in ("", "expert_")]
-        if evaluation["hold_success"] is None and not any(value is not None for value in found):
+        found = [result.get(f"{who}{key}") for who in ("", "expert_")]
+        if result["hold_success"] is None and not any(value is not None for value in found):
             continue  # what a task without success does not tell
         cells = ["-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found]
         rows.append((label, *cells, *([words.get(better.get(key), "-")] if better else [])))
-    for name, value in evaluation["metrics"].items():
+    for name, value in result["metrics"].items():
         rows.append((name, f"{value:.4g}", "-", *(["-"] if better else [])))
     return markdown((goals, policy, "computed torque", *(["better"] if better else [])), rows)
 

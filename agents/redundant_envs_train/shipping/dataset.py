@@ -34,17 +34,15 @@ LANES = 512  # episodes that are played at a time, and then written
 EPISODE_BYTES = 50_000  # more than an episode needs; a full disk ends HDF5 without a word
 
 
-def write_dataset(
-    word: str, env: str | None, episodes: int, seed: int, out: Path, trust: bool = False
-) -> int:
+def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path, trust: bool = False) -> int:
     """Write episodes of "expert", "random", or a folder's policy as a Minari dataset; episode k has the seed
     ``seed + k``. Returns their control steps."""
-    if word not in ACTORS and not exists(Path(word)):
-        raise ValueError(f"source is {shown(word)}; give expert, random, or the folder of a run or policy")
-    config = None if word in ACTORS else own_config(Path(word))
+    if who not in ACTORS and not exists(Path(who)):
+        raise ValueError(f"source is {shown(who)}; give expert, random, or the folder of a run or policy")
+    config = None if who in ACTORS else own_config(Path(who))
     env_id = full_id(env or (config.env if config else ""))
     if env_id not in ids() or (config and env_id != config.env):
-        fix = f"leave it out: {word} has a policy of {config.env}" if config else f"choose {', '.join(ids())}"
+        fix = f"leave it out: {who} has a policy of {config.env}" if config else f"choose {', '.join(ids())}"
         raise ValueError(f"env is {shown(env)}; {fix}")
     if os.path.lexists(out):
         raise ValueError(f"out is {out}, which exists; delete it or choose another --out")
@@ -59,10 +57,10 @@ def write_dataset(
         import PIL  # noqa: F401
         from minari.data_collector import EpisodeBuffer
         from minari.dataset.minari_storage import MinariStorage
-    act = act_of(Path(word), config, trust) if config else None
-    make = (lambda seed: act) if act else ACTIONS[word]
+    act = act_of(Path(who), config, trust) if config else None
+    make = (lambda seed: act) if act else ACTIONS[who]
     spec = spec_of(env_id, config.env_kwargs if config else {})
-    actor, name = config.label if config else ACTORS[word], re.sub(r"[^-\w]", "_", out.absolute().name)
+    actor, name = config.label if config else ACTORS[who], re.sub(r"[^-\w]", "_", out.absolute().name)
     with new_folder(out) as part:
         single = gym.make(spec)
         storage = MinariStorage.new(part / "data", single.observation_space, single.action_space, spec)

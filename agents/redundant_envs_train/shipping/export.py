@@ -90,9 +90,7 @@ def export(run: Path, out: Path) -> Path:
     return folder
 
 
-def _write(
-    config: Config, evaluation: Any, policy: Any, layers: Layers, env: Any, folder: Path
-) -> dict[str, float]:
+def _write(config: Config, result: Any, policy: Any, layers: Layers, env: Any, out: Path) -> dict[str, float]:
     """Write all but the card; returns the largest difference of each file from the policy, checked."""
     learner = ALGORITHM_CLASSES[config.algo]
     small = {"n_steps": 2, "batch_size": 2} if isinstance(config.settings, PlainPPOSettings) else {}
@@ -101,16 +99,16 @@ def _write(
         policy_kwargs=policy_kwargs(config), device="cpu", **(small or {"buffer_size": LANES}),
     )  # fmt: skip
     model.policy.load_state_dict(policy.state_dict())
-    write_bytes(folder / "policy.zip", saved(model))
+    write_bytes(out / "policy.zip", saved(model))
     for name, data in (("config.yaml", config.to_dict()), (SCENE, env.core.scene.to_dict())):
-        (folder / name).write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
-    layers.save(folder / "policy.npz")
-    about = {name: str(evaluation[name]) for name in ("env", "algo", "seed", "hold_success", "date")}
-    write_onnx(policy, layers.inputs, folder / "policy.onnx", about)
-    loaded = learner.load(folder / "policy.zip", device="cpu")
+        (out / name).write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+    layers.save(out / "policy.npz")
+    about = {name: str(result[name]) for name in ("env", "algo", "seed", "hold_success", "date")}
+    write_onnx(policy, layers.inputs, out / "policy.onnx", about)
+    loaded = learner.load(out / "policy.zip", device="cpu")
     acting = {
-        "policy.onnx": onnx_actions(folder / "policy.onnx", layers.inputs),
-        "policy.npz": Layers.load(folder / "policy.npz"),
+        "policy.onnx": onnx_actions(out / "policy.onnx", layers.inputs),
+        "policy.npz": Layers.load(out / "policy.npz"),
         "policy.zip": lambda observations: loaded.predict(observations, deterministic=True)[0],
     }
     worst = dict.fromkeys(acting, 0.0)

@@ -72,21 +72,19 @@ def prepared(configs: Mapping[str, Config], folder: Path) -> Iterator[None]:
         yield
 
 
-def _reports(
-    names: Sequence[str], workers: Sequence[Any], news: Any, stopping: Any, stop: Event
-) -> Iterator[News]:
+def _reports(names: list[str], team: Sequence[Any], news: Any, stopping: Any, stop: Event) -> Iterator[News]:
     """Reports of the processes; runs whose processes ended without one have failed."""
     left = list(names)
     while left:
         if stop.is_set():
             stopping.set()
-        alive = any(worker.is_alive() for worker in workers)
+        alive = any(worker.is_alive() for worker in team)
         try:
             report: News = news.get(timeout=POLL)
         except queue.Empty:
             if alive:
                 continue
-            codes = ", ".join(str(worker.exitcode) for worker in workers if worker.exitcode)
+            codes = ", ".join(str(worker.exitcode) for worker in team if worker.exitcode)
             yield from ((name, 1.0, f"its process ended ({codes or 'early'})", True) for name in left)
             return
         if report[1] == 1.0:

@@ -47,10 +47,9 @@ def stop_request() -> Iterator[threading.Event]:
     known = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
     if threading.current_thread() is not threading.main_thread():
         known = []
-    # a signal that is ignored, as by nohup or in a worker, stays ignored
-    heard = [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]
     _requests.append(request)
-    before = {number: signal.signal(number, note) for number in heard}
+    # a signal that is ignored, as by nohup or in a worker, stays ignored
+    before = {n: signal.signal(n, note) for n in known if signal.getsignal(n) is not signal.SIG_IGN}
     try:
         yield request
     finally:
@@ -99,18 +98,17 @@ def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News
 def seeds_of(text: str) -> list[int]:
     """Seeds as a user writes them: ``0..9``, or ``1,4,7``, or both."""
     seeds: list[int] = []
+    given = f"seeds is {text[:80]!r}"
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d{1,4})(?:\.\.(\d{1,4}))?\s*", part)
         if not match:
-            raise ValueError(
-                f"seeds is {text[:80]!r}; write such as 0..9 or 1,4,7, with seeds from 0 to {MAX_SEEDS}"
-            )
+            raise ValueError(f"{given}; write such as 0..9 or 1,4,7, with seeds from 0 to {MAX_SEEDS}")
         first, last = int(match[1]), int(match[2] or match[1])
         if last < first:
-            raise ValueError(f"seeds is {text[:80]!r}; write the lower one first, {last}..{first}")
+            raise ValueError(f"{given}; write the lower one first, {last}..{first}")
         seeds += range(first, last + 1)
     if not seeds or len(set(seeds)) < len(seeds):
-        raise ValueError(f"seeds is {text[:80]!r}; give different seeds from 0 to {MAX_SEEDS}")
+        raise ValueError(f"{given}; give different seeds from 0 to {MAX_SEEDS}")
     return seeds
 
 
