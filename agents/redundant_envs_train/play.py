@@ -122,11 +122,8 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
             _episode(env, act, seed + episode, keep)
     env.close()
     if is_full:
-        say(
-            f"{path.name} shows {len(frames)} frames alone, {LARGEST_CLIP >> 20} MiB of memory; a smaller "
-            "render_width has room for more",
-            file=sys.stderr,
-        )
+        there = f"{path.name} shows {len(frames)} frames alone, {LARGEST_CLIP >> 20} MiB of memory"
+        say(f"{there}; a smaller render_width has room for more", file=sys.stderr)
     write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * env.unwrapped.core.scene.control_dt)), 1))
 
 

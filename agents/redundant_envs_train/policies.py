@@ -171,9 +171,8 @@ def read_weights(path: Path, activation: str) -> tuple[dict[str, torch.Tensor], 
         weights = torch.load(memory, map_location="cpu", weights_only=True)
         _check_tensors(weights, size)
     except Exception as error:  # bytes of a stranger may raise any error
-        raise ValueError(
-            f"policy.pth in {path} is not a plain table of float32 tensors: {str(error)[:300]}. {HARMLESS}"
-        ) from error
+        what = f"policy.pth in {path} is not a plain table of float32 tensors"
+        raise ValueError(f"{what}: {str(error)[:300]}. {HARMLESS}") from error
     return weights, size
 
 
@@ -203,15 +202,14 @@ def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping
         verb, other = ("lacks", "asks for") if name in needed else ("has", "does not ask for")
         raise ValueError(f"{path} {verb} weights {name[:80]!r} that config.yaml {other}: is it of this run?")
     for name, tensor in needed.items():
-        if found[name].dtype != tensor.dtype:
-            raise ValueError(f"{path} has weights {name!r} of {found[name].dtype}; give {tensor.dtype}")
-        if found[name].shape != tensor.shape:
-            raise ValueError(
-                f"{path} has weights {name!r} of shape {tuple(found[name].shape)}, config.yaml asks for "
-                f"{tuple(tensor.shape)}: is it of this run?"
-            )
-        if not torch.isfinite(found[name]).all():
-            raise ValueError(f"{path} has weights {name!r} that are not finite: the training diverged")
+        own, weights = found[name], f"{path} has weights {name!r}"
+        if own.dtype != tensor.dtype:
+            raise ValueError(f"{weights} of {own.dtype}; give {tensor.dtype}")
+        if own.shape != tensor.shape:
+            asked = f"config.yaml asks for {tuple(tensor.shape)}: is it of this run?"
+            raise ValueError(f"{weights} of shape {tuple(own.shape)}, {asked}")
+        if not torch.isfinite(own).all():
+            raise ValueError(f"{weights} that are not finite: the training diverged")
 
 
 # ---- a training that begins with the weights of a policy

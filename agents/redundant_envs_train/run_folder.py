@@ -54,9 +54,8 @@ def read_config(folder: Path, overrides: Sequence[str] = ()) -> Config:
     path = folder / "config.yaml"
     if not path.is_file():
         there = "is a file" if folder.is_file() else "is there" if folder.is_dir() else "does not exist"
-        raise ValueError(
-            f"{path} is missing ({folder} {there}); give a run folder, as '{COMMAND} train' writes it"
-        )
+        fix = f"give a run folder, as '{COMMAND} train' writes it"
+        raise ValueError(f"{path} is missing ({folder} {there}); {fix}")
     check_plain(folder)
     return load(path, overrides)
 
@@ -65,10 +64,8 @@ def config_to_resume(folder: Path, overrides: Sequence[str] = ()) -> Config:
     """The configuration with which a run goes on; ValueError for overrides that would change its results."""
     for override in overrides:
         if override.partition("=")[0] not in WITHOUT_EFFECT:
-            raise ValueError(
-                f"override is {shown(override)}; a run goes on as it began, and only "
-                f"{' and '.join(WITHOUT_EFFECT)} may be set"
-            )
+            free = f"only {' and '.join(WITHOUT_EFFECT)} may be set"
+            raise ValueError(f"override is {shown(override)}; a run goes on as it began, and {free}")
     config = read_config(folder, overrides)
     check_telemetry(config, overrides)
     return config
@@ -231,10 +228,8 @@ def policy_file(start: str) -> Path:
     path = Path(start)
     file = path / "policy.zip" if path.is_dir() else path
     if not file.is_file():
-        raise ValueError(
-            f"start_from is {shown(start)}; there is no {file}: give a run folder, the folder of an exported "
-            "policy, or a policy.zip"
-        )
+        fix = "give a run folder, the folder of an exported policy, or a policy.zip"
+        raise ValueError(f"start_from is {shown(start)}; there is no {file}: {fix}")
     return file
 
 
@@ -245,10 +240,9 @@ def with_start(config: Config) -> Config:
     with opened(policy_file(config.start_from), "start_from", MAX_PACKED) as data:
         digest = hashlib.file_digest(data, "sha256").hexdigest()
     if config.start_from_sha256 not in (None, digest):
-        raise ValueError(
-            f"start_from is {shown(config.start_from)}, whose policy.zip has the SHA-256 {digest}, and "
-            f"start_from_sha256 is {config.start_from_sha256}; give that file, or leave the hash out"
-        )
+        found = f"start_from is {shown(config.start_from)}, whose policy.zip has the SHA-256 {digest}"
+        asked = f"start_from_sha256 is {config.start_from_sha256}; give that file, or leave the hash out"
+        raise ValueError(f"{found}, and {asked}")
     return config.model_copy(update={"start_from_sha256": digest})
 
 
@@ -258,10 +252,8 @@ def with_start(config: Config) -> Config:
 def read_scene(folder: Path) -> Scene:
     path = folder / SCENE
     if not path.is_file():
-        raise ValueError(
-            f"{folder} has no {SCENE}, which says what its policy was trained in; put it back, or make a new "
-            f"run: {train_again(folder)}"
-        )
+        fix = f"put it back, or make a new run: {train_again(folder)}"
+        raise ValueError(f"{folder} has no {SCENE}, which says what its policy was trained in; {fix}")
     return load_scene(path)
 
 

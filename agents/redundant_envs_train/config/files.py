@@ -36,10 +36,8 @@ def preset_path(path: str | Path) -> Path:
     if exists(file) and not (file.is_dir() and exists(preset)):
         return file
     if not exists(preset):
-        raise ValueError(
-            f"config is {shown(str(path))}; there is no such file, and the presets are "
-            f"{', '.join(presets())}; or give env=ID, such as env=RPRPReach-v0"
-        )
+        others = f"the presets are {', '.join(presets())}; or give env=ID, such as env=RPRPReach-v0"
+        raise ValueError(f"config is {shown(str(path))}; there is no such file, and {others}")
     return preset
 
 
@@ -61,11 +59,9 @@ def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
     command of a user may, as the run goes where the user's account lets it."""
     found = [name for name in config.telemetry if name in CLIENTS]
     if found and not any(override.startswith("telemetry=") for override in overrides):
-        raise ValueError(
-            f"telemetry is {', '.join(config.telemetry)} in a file; {found[0]} sends the run elsewhere, so "
-            f"the command has to ask for it: add telemetry=[{','.join(config.telemetry)}], or "
-            "telemetry=[tensorboard] to go without"
-        )
+        fix = f"add telemetry=[{','.join(config.telemetry)}], or telemetry=[tensorboard] to go without"
+        reason = f"{found[0]} sends the run elsewhere, so the command has to ask for it: {fix}"
+        raise ValueError(f"telemetry is {', '.join(config.telemetry)} in a file; {reason}")
 
 
 def merged(

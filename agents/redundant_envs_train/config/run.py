@@ -93,24 +93,19 @@ class Config(Model):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.env not in ids():
-            raise ValueError(
-                f"env is {shown(self.env)}; choose {', '.join(ids())} (--import MODULE before the command "
-                "makes those known that a module of yours registers)"
-            )
+            more = "--import MODULE before the command makes those known that a module of yours registers"
+            raise ValueError(f"env is {shown(self.env)}; choose {', '.join(ids())} ({more})")
         for name in ALGORITHMS:
             if name != self.algo and getattr(self, name) is not None:
-                raise ValueError(
-                    f"{name} has settings, and algo is {self.algo}; give settings of one learner only: begin "
-                    f"with a preset of {name} or of {self.algo}"
-                )
-        if self.algo == "her" and "Goal" not in self.env:
-            goal_ids = ", ".join(name for name in ids() if "Goal" in name)
-            raise ValueError(f"env is {self.env}; her needs a goal environment: {goal_ids}")
-        if self.algo == "crossq" and "Goal" in self.env:
-            raise ValueError(
-                f"env is {self.env}; crossq of sb3-contrib has no networks for goal environments: choose "
-                f"{', '.join(name for name in ids() if 'Goal' not in name)}"
-            )
+                fix = f"give settings of one learner only: begin with a preset of {name} or of {self.algo}"
+                raise ValueError(f"{name} has settings, and algo is {self.algo}; {fix}")
+        has_goal = "Goal" in self.env
+        others = ", ".join(name for name in ids() if ("Goal" in name) != has_goal)
+        if self.algo == "her" and not has_goal:
+            raise ValueError(f"env is {self.env}; her needs a goal environment: {others}")
+        if self.algo == "crossq" and has_goal:
+            reason = "crossq of sb3-contrib has no networks for goal environments"
+            raise ValueError(f"env is {self.env}; {reason}: choose {others}")
         if self.max_seconds is not None and not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
         if self.start_from_sha256 is not None and self.start_from is None:
@@ -123,44 +118,34 @@ class Config(Model):
         if isinstance(settings, learners.PlainPPOSettings):
             samples = self.num_envs * settings.n_steps
             if samples > MAX_SAMPLES:
-                raise ValueError(
-                    f"{self.algo}.n_steps is {settings.n_steps}; with {self.num_envs} environments give at "
-                    f"most {MAX_SAMPLES // self.num_envs}"
-                )
+                most = MAX_SAMPLES // self.num_envs
+                raise self._wrong("n_steps", f"with {self.num_envs} environments give at most {most}")
             if samples % settings.batch_size:
-                raise ValueError(
-                    f"{self.algo}.batch_size is {settings.batch_size}; it must divide num_envs * "
-                    f"{self.algo}.n_steps = {samples}"
-                )
+                raise self._wrong("batch_size", f"it must divide num_envs * {self.algo}.n_steps = {samples}")
         elif settings.batch_size * settings.gradient_steps > MAX_DRAWN:
-            raise ValueError(
-                f"{self.algo}.batch_size is {settings.batch_size}; with {settings.gradient_steps} gradient "
-                "steps, whose samples are drawn together, give at most "
-                f"{MAX_DRAWN // settings.gradient_steps}"
-            )
+            most, together = MAX_DRAWN // settings.gradient_steps, "whose samples are drawn together"
+            fix = f"with {settings.gradient_steps} gradient steps, {together}, give at most {most}"
+            raise self._wrong("batch_size", fix)
         elif self.total_steps <= settings.learning_starts:
-            raise ValueError(
-                f"total_steps is {self.total_steps}; {self.algo} begins to learn after "
-                f"{settings.learning_starts}: give more, or a lower {self.algo}.learning_starts"
-            )
-        if (
-            isinstance(settings, learners.TQCSettings)
-            and settings.top_quantiles_to_drop_per_net >= settings.n_quantiles
-        ):
-            raise ValueError(
-                f"tqc.top_quantiles_to_drop_per_net is {settings.top_quantiles_to_drop_per_net}; with "
-                f"{settings.n_quantiles} quantiles give at most {settings.n_quantiles - 1}"
-            )
+            begins = f"{self.algo} begins to learn after {settings.learning_starts}"
+            fix = f"give more, or a lower {self.algo}.learning_starts"
+            raise ValueError(f"total_steps is {self.total_steps}; {begins}: {fix}")
+        if isinstance(settings, learners.TQCSettings):
+            most = settings.n_quantiles - 1
+            if settings.top_quantiles_to_drop_per_net > most:
+                fix = f"with {settings.n_quantiles} quantiles give at most {most}"
+                raise self._wrong("top_quantiles_to_drop_per_net", fix)
         if isinstance(settings, learners.HERSettings):
             # hindsight needs whole episodes: the first ones are over before the first gradient step
             least = self.num_envs * self.env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
             for name, smallest in {"learning_starts": least, "buffer_size": 2 * least}.items():
                 if getattr(settings, name) < smallest:
-                    raise ValueError(
-                        f"her.{name} is {getattr(settings, name)}; with {self.num_envs} environments give at "
-                        f"least {smallest}, so that there are whole episodes to learn from"
-                    )
+                    fix = f"with {self.num_envs} environments give at least {smallest}"
+                    raise self._wrong(name, f"{fix}, so that there are whole episodes to learn from")
         return self
+
+    def _wrong(self, name: str, fix: str) -> ValueError:
+        return ValueError(f"{self.algo}.{name} is {getattr(self.settings, name)}; {fix}")
 
     @property
     def settings(self) -> learners.PlainPPOSettings | learners.OffPolicySettings:
@@ -185,6 +170,5 @@ def check_env_kwargs(env_kwargs: Mapping[str, Any]) -> None:
     steps = env_kwargs.get("max_episode_steps", 1)
     whole = isinstance(steps, int) and not isinstance(steps, bool)
     if not whole or not 1 <= steps <= MAX_EPISODES:  # without this limit an evaluation would never end
-        raise ValueError(
-            f"env_kwargs.max_episode_steps is {shown(steps)}; give a whole number from 1 to {MAX_EPISODES}"
-        )
+        fix = f"give a whole number from 1 to {MAX_EPISODES}"
+        raise ValueError(f"env_kwargs.max_episode_steps is {shown(steps)}; {fix}")

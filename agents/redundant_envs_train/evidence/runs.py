@@ -72,10 +72,8 @@ def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str,
     evaluation = run_folder.read_evaluation(folder) if evaluation is None else evaluation
     facts = run_folder.read_facts(folder)
     if facts["stopped"] and not stopped:
-        raise ValueError(
-            f"{folder} is a training that was stopped; leave it out, or go on with it: "
-            f"{command('resume', folder)}"
-        )
+        fix = f"leave it out, or go on with it: {command('resume', folder)}"
+        raise ValueError(f"{folder} is a training that was stopped; {fix}")
     curve = run_folder.read_curve(folder)
     return run_of(folder, config, scene, evaluation, curve, facts["simulator"])
 
@@ -87,19 +85,17 @@ def run_of(
     """A run from its parts; ValueError if they contradict each other."""
     for name in ("env", "algo", "seed"):
         if evaluation[name] != (value := getattr(config, name)):
-            raise ValueError(
-                f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}, and config.yaml has "
-                f"{shown(value)}; make it again: {run_folder.evaluate_anew(folder)}"
-            )
+            fix = f"{shown(value)}; make it again: {run_folder.evaluate_anew(folder)}"
+            found = f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}"
+            raise ValueError(f"{found}, and config.yaml has {fix}")
     column = run_folder.SELECTION.index
     progress = curve[:, [column("env_steps"), column("seconds")]]
     untold = SHARES if evaluation["hold_success"] is None else ()
     needed = np.delete(curve, [column(name) for name in untold], axis=1)
     if not np.isfinite(needed).all() or (np.diff(progress, axis=0) < 0).any():
-        raise ValueError(
-            f"{folder}/selection.csv is damaged (a number is not finite, or steps or seconds go back); make "
-            f"it again: {train_again(folder)}"
-        )
+        reason = "a number is not finite, or steps or seconds go back"
+        fix = f"make it again: {train_again(folder)}"
+        raise ValueError(f"{folder}/selection.csv is damaged ({reason}); {fix}")
     settings = config.to_dict("seed", *WITHOUT_EFFECT)
     return Run(folder, config.env, config.label, config.seed, settings, scene, evaluation, curve, simulator)
 
@@ -112,10 +108,8 @@ def group(runs: Iterable[Run]) -> list[Group]:
         key = json.dumps([run.settings, run.scene, run.evaluation["episodes"]], sort_keys=True, default=str)
         first = found.setdefault(key, {}).setdefault(run.seed, run)
         if not _same_results(first, run):
-            raise ValueError(
-                f"{first.folder} and {run.folder} are runs of seed {run.seed} with the same settings and "
-                "different results; give one of them"
-            )
+            reason = f"runs of seed {run.seed} with the same settings and different results"
+            raise ValueError(f"{first.folder} and {run.folder} are {reason}; give one of them")
     members = [tuple(by_seed[seed] for seed in sorted(by_seed)) for by_seed in found.values()]
     alike: dict[tuple[str, str, str], list[tuple[Run, ...]]] = {}
     for same in members:
@@ -218,10 +212,9 @@ def _read_table(path: Path, pattern: str) -> list[Run]:
                 runs.append(_run(path / name, data))
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         reason = str(error).partition(";")[0][:300]
-        raise ValueError(
-            f"{path} is no table of runs, or its run {shown(name)} is damaged ({reason}); write it again: "
-            f"{command('table', 'RUNS', '--out', path)}"
-        ) from error
+        fix = f"write it again: {command('table', 'RUNS', '--out', path)}"
+        damage = f"or its run {shown(name)} is damaged ({reason})"
+        raise ValueError(f"{path} is no table of runs, {damage}; {fix}") from error
     if not runs:
         raise ValueError(f"{path} has no run {pattern}; it has {', '.join(names[:3]) or 'none'} ...")
     return runs

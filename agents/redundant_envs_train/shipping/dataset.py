@@ -48,9 +48,8 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
         raise ValueError(f"out is {out}, which exists; delete it or choose another --out")
     check_out(out)
     if (free := free_bytes(out)) < episodes * EPISODE_BYTES:
-        raise ValueError(
-            f"out is on a disk with {free / 1e6:.0f} MB left; choose another, or fewer --episodes"
-        )
+        left = f"{free / 1e6:.0f} MB left"
+        raise ValueError(f"out is on a disk with {left}; choose another, or fewer --episodes")
     with needs("datasets"):
         import h5py  # noqa: F401 - Minari imports it and PIL, and requires neither
         import minari

@@ -60,10 +60,9 @@ def name_of(config: Config) -> str:
     environment has arguments that would have to be published with the policy."""
     for key, value in config.env_kwargs.items():
         if key != "scene" or value not in scene_names():
-            raise ValueError(
-                f"env_kwargs.{key} is {shown(value)}; policies of environments as they are registered, or "
-                f"with a scene of the package ({', '.join(scene_names())}), are exported"
-            )
+            names = ", ".join(scene_names())
+            fit = f"policies of environments as they are registered, or with a scene of the package ({names})"
+            raise ValueError(f"env_kwargs.{key} is {shown(value)}; {fit}, are exported")
     return "-".join([config.env.split("/")[-1], *config.env_kwargs.values(), config.algo])
 
 
@@ -123,10 +122,8 @@ def _write(config: Config, result: Any, policy: Any, layers: Layers, env: Any, o
     for name, difference in worst.items():
         most = SINGLE if name == "policy.zip" else TOLERANCE
         if not difference <= most:
-            raise ValueError(
-                f"{name} acts otherwise than the policy of the run, by {difference:.3g}; at most {most:g} is "
-                "allowed: are its weights finite?"
-            )
+            other = f"{name} acts otherwise than the policy of the run, by {difference:.3g}"
+            raise ValueError(f"{other}; at most {most:g} is allowed: are its weights finite?")
     return worst
 
 

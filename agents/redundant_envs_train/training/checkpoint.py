@@ -106,10 +106,8 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
         progress = {name: float(state["progress"][name]) for name in PROGRESS}
         monitor.t_start = time.time() - float(state["elapsed"])
     except Exception as error:  # a damaged file may raise any error
-        raise ValueError(
-            f"{place} is damaged or of another run ({' '.join(str(error).split())[:300]}); make a new run: "
-            f"{train_again(folder)}"
-        ) from error
+        told_of, fix = " ".join(str(error).split())[:300], f"make a new run: {train_again(folder)}"
+        raise ValueError(f"{place} is damaged or of another run ({told_of}); {fix}") from error
     for name in TABLES:  # written anew, since a copy of the folder may share the files
         kept = bounded.read_bytes(folder / name, name, bounded.MAX_PACKED)[: state["tables"][name]]
         write_bytes(folder / name, kept)

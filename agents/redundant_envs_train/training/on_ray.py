@@ -60,17 +60,12 @@ def train_on_ray(
     """Do as :func:`~.many.train_many` on the Ray cluster at an address such as ``10.0.0.1:6379`` or ``auto``;
     by default that of RAY_ADDRESS, otherwise one of this machine alone, which ends with the call and has
     ``processes`` cores. ValueError if there is no cluster, or it may lack a module or file of a run."""
+    lack = "the machines of a cluster may not have; train on this machine, without Ray"
     if IMPORTED:
-        raise ValueError(
-            f"{OPTION} names {', '.join(IMPORTED)}, which the machines of a cluster may not have; train on "
-            "this machine, without Ray"
-        )
+        raise ValueError(f"{OPTION} names {', '.join(IMPORTED)}, which {lack}")
     for config in configs.values():
         if config.start_from is not None:
-            raise ValueError(
-                f"start_from is {shown(config.start_from)}, a file that the machines of a cluster may not "
-                "have; train on this machine, without Ray"
-            )
+            raise ValueError(f"start_from is {shown(config.start_from)}, a file that {lack}")
     if address is not None and not address.strip():
         raise ValueError("address is empty; give host:port, ray://host:port or auto, or leave it out")
     count = count_of(processes)
@@ -82,10 +77,8 @@ def train_on_ray(
         most = max((int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]), default=0)
         for config in configs.values():
             if 0 < most < config.torch_threads:  # Ray would wait for ever
-                raise ValueError(
-                    f"torch_threads is {config.torch_threads}; the largest machine of the cluster has {most} "
-                    "CPUs, give at most so many"
-                )
+                there = f"the largest machine of the cluster has {most} CPUs, give at most so many"
+                raise ValueError(f"torch_threads is {config.torch_threads}; {there}")
         follow(list(configs), lambda stop: _reports(configs, folder, stop))
 
 
@@ -109,10 +102,9 @@ def _cluster(place: str, count: int) -> Iterator[None]:
                 socket.create_connection((host, int(port)), timeout=CONNECTING).close()
             ray.init(place, **options)
         except Exception as error:  # Ray reports an address without a cluster in many ways
-            raise ValueError(
-                f"address is {shown(place)}; Ray cannot reach a cluster there ({_cause(error)}). Give "
-                "host:port, ray://host:port or auto, or none for a cluster of this machine alone"
-            ) from error
+            fix = "Give host:port, ray://host:port or auto, or none for a cluster of this machine alone"
+            reason = f"Ray cannot reach a cluster there ({_cause(error)})"
+            raise ValueError(f"address is {shown(place)}; {reason}. {fix}") from error
         yield
 
 
@@ -247,10 +239,8 @@ def _cause(error: BaseException) -> str:
     if not asked:
         return texts[-1]
     text = asked[-1].removeprefix("ray.exceptions.AuthenticationError: ").partition(". ")[0]
-    return (
-        f"{text}; set RAY_AUTH_MODE=token, and RAY_AUTH_TOKEN or RAY_AUTH_TOKEN_PATH to the token of the "
-        "cluster, or copy its file ~/.ray/auth_token"
-    )
+    token = "RAY_AUTH_TOKEN or RAY_AUTH_TOKEN_PATH to the token of the cluster"
+    return f"{text}; set RAY_AUTH_MODE=token, and {token}, or copy its file ~/.ray/auth_token"
 
 
 class _Courier:

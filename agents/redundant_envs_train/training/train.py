@@ -137,10 +137,9 @@ def _run(
     if stopped:
         resumable = run_folder.find_checkpoint(folder) is not None
         go_on = f"Go on with: {command('resume', folder)}, or look" if resumable else "Look"
-        raise Stopped(
-            f"stopped after {facts['env_steps']} of {config.total_steps} steps; the policy so far is kept. "
-            f"{go_on} at it with: {command('report', folder)}"
-        )
+        reached = f"stopped after {facts['env_steps']} of {config.total_steps} steps"
+        kept = f"the policy so far is kept. {go_on} at it with: {command('report', folder)}"
+        raise Stopped(f"{reached}; {kept}")
     checkpoint.remove(folder)
     return facts
 

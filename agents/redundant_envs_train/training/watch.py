@@ -141,9 +141,8 @@ class Watch(BaseCallback):
         begun, config = time.perf_counter(), self.config
         seconds = self.seconds()
         with self.model.averaged():
-            outcome = run_episodes(
-                config.env, policy_act(self.model), config.curve_episodes, SELECTION_SEED, **config.env_kwargs
-            )
+            act, episodes = policy_act(self.model), config.curve_episodes
+            outcome = run_episodes(config.env, act, episodes, SELECTION_SEED, **config.env_kwargs)
         ends = outcome.hold, outcome.touch
         shares = [math.nan if known is None else float(known.mean()) for known in ends]
         self.hold, self.returned = shares[0], float(outcome.returns.mean())
