@@ -214,10 +214,9 @@ def first_difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[
 def _read_json(path: Path, kind: type[Model], remedy: str) -> dict[str, Any]:
     """The data of a model; ValueError if the file is no JSON, or of another kind."""
     try:
-        data: dict[str, Any] = checked(kind, read_json(path, path.name)).model_dump()
+        return checked(kind, read_json(path, path.name)).model_dump()
     except ValueError as error:
         raise ValueError(f"{path} is damaged ({error}); make it again: {remedy}") from error
-    return data
 
 
 # ---- the policy with which a training begins
@@ -344,8 +343,8 @@ def check_study(folder: Path, marks: Sequence[str]) -> None:
 def begin_study(path: Path, asked: dict[str, Any], storage: str) -> str:
     """Write what the study of a folder is of, or refuse a folder whose study is of something else; returns a
     name of such a study in any storage."""
-    digest = hashlib.sha256(storage.encode()).hexdigest()  # its URL may have a password
-    now = {**asked, "storage": digest}
+    # a digest, since the URL of a storage may have a password
+    now = {**asked, "storage": hashlib.sha256(storage.encode()).hexdigest()}
     if not path.exists():
         write_json(path, now)
     try:

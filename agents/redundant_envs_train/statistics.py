@@ -66,8 +66,7 @@ def interquartile_mean(values: ArrayLike, axis: int = 0) -> Array:
     leaves out the n // 4 lowest and highest entirely. So it is the plain mean of up to three values."""
     array = np.sort(np.asarray(values, dtype=np.float64), axis=axis)
     n = array.shape[axis]
-    middle: Array = array.take(np.arange(n // 4, n - n // 4), axis=axis).mean(axis=axis)
-    return middle
+    return array.take(np.arange(n // 4, n - n // 4), axis=axis).mean(axis=axis)
 
 
 def bootstrap(samples: ArrayLike, resamples: int, seed: int, statistic: Statistic = np.mean) -> Array:

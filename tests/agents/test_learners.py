@@ -293,9 +293,8 @@ def test_actions_drawn_together_give_the_steps_of_actions_drawn_one_step_after_t
             last = theirs._n_updates % 3 == 0
             ahead = theirs._draw(torch.cat([after, now]) if last else after)
             chosen = [torch.cat(pair, 1) for pair in zip((after, now), ahead.actions.split(32), strict=False)]
-            theirs._update_critics(
-                torch.cat([now, actions], 1), chosen[0], rewards, discounts, ahead.log_prob[:32], 6e-3
-            )
+            given = torch.cat([now, actions], 1), chosen[0], rewards, discounts, ahead.log_prob[:32]
+            theirs._update_critics(*given, 6e-3)
             theirs.networks["targets"].vector.lerp_(theirs.networks["critics"].vector, theirs.tau)
             if last:
                 theirs._update_actor(chosen[1], ahead, theirs._smoothness(rewards), 6e-3)

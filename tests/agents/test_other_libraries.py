@@ -71,10 +71,8 @@ def of_preset(config):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "package"),
-    [("torchrl", "torchrl"), ("rllib", "tree")],  # RLlib needs tree, and Ray alone does not
-)
+# RLlib needs tree, and Ray alone does not
+@pytest.mark.parametrize(("name", "package"), [("torchrl", "torchrl"), ("rllib", "tree")])
 def test_a_program_of_the_page_runs(name, package):
     pytest.importorskip(package)
     programs = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)

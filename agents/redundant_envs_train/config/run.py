@@ -149,8 +149,7 @@ class Config(Model):
 
     @property
     def settings(self) -> learners.PlainPPOSettings | learners.OffPolicySettings:
-        chosen: learners.PlainPPOSettings | learners.OffPolicySettings = getattr(self, self.algo)
-        return chosen
+        return getattr(self, self.algo)
 
     @property
     def label(self) -> str:

@@ -64,8 +64,7 @@ def with_values(config: Config, parameters: dict[str, Any]) -> Config:
     """A configuration with the parameters of a trial; ValueError if they do not go together."""
     data = config.to_dict()
     data[config.algo] |= {key.partition(".")[2]: _setting(config, key, v) for key, v in parameters.items()}
-    chosen: Config = checked(Config, data)
-    return chosen
+    return checked(Config, data)
 
 
 def own_values(config: Config, space: Space) -> dict[str, Any]:

@@ -134,8 +134,7 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
         explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="95 % interval of the mean"))
     titles = list(dict.fromkeys(same.title for same in groups))
     looks = _looks(groups)
-    height = len(titles) * (2.5 * len(axes) + 0.75)
-    figure = new_figure(11.0, height, 120)
+    figure = new_figure(11.0, len(titles) * (2.5 * len(axes) + 0.75), 120)
     parts = figure.subfigures(len(titles), 1, squeeze=False)[:, 0]
     for part, title in zip(parts, titles, strict=True):
         shown = [same for same in groups if same.title == title]

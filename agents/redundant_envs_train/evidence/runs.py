@@ -74,8 +74,7 @@ def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str,
     if facts["stopped"] and not stopped:
         fix = f"leave it out, or go on with it: {command('resume', folder)}"
         raise ValueError(f"{folder} is a training that was stopped; {fix}")
-    curve = run_folder.read_curve(folder)
-    return run_of(folder, config, scene, evaluation, curve, facts["simulator"])
+    return run_of(folder, config, scene, evaluation, run_folder.read_curve(folder), facts["simulator"])
 
 
 def run_of(

@@ -301,8 +301,7 @@ class Averaging:
 
     def _excluded_save_params(self) -> list[str]:
         """Attributes excluded from policy.zip, which plain stable-baselines3 loads."""
-        excluded: list[str] = super()._excluded_save_params()  # type: ignore[misc]
-        return [*excluded, "networks", "adams", "means"]
+        return [*super()._excluded_save_params(), "networks", "adams", "means"]  # type: ignore[misc]
 
     def _update_info_buffer(self, infos: list[dict[str, Any]], dones: Any = None) -> None:
         """Statistics of the finished episodes only; stable-baselines3 searches all environments."""

@@ -114,8 +114,7 @@ def layers_of(policy: Any, space: spaces.Space[Any]) -> Layers:
 
 
 def _double(tensor: Any) -> NDArray[np.float64]:
-    array: NDArray[np.float64] = tensor.detach().numpy().astype(np.float64)
-    return array
+    return tensor.detach().numpy().astype(np.float64)
 
 
 class Exact(nn.Module):
@@ -126,12 +125,10 @@ class Exact(nn.Module):
         self.layers, self.dtype = copy.deepcopy(modules_of(policy)).double().eval(), dtype
 
     def forward(self, *parts: Tensor) -> Tensor:
-        actions: Tensor = self.layers(torch.cat(parts, 1).double()).clamp(-1.0, 1.0).to(self.dtype)
-        return actions
+        return self.layers(torch.cat(parts, 1).double()).clamp(-1.0, 1.0).to(self.dtype)
 
 
 @torch.no_grad()
 def exact_actions(policy: Any, inputs: Mapping[str, int], observations: Any) -> NDArray[np.float64]:
     """Actions of a policy's own modules in double precision, (n, actions)."""
-    actions: NDArray[np.float64] = Exact(policy)(torch.from_numpy(joined(inputs, observations))).numpy()
-    return actions
+    return Exact(policy)(torch.from_numpy(joined(inputs, observations))).numpy()

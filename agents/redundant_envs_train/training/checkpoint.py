@@ -124,8 +124,7 @@ def _load(path: Path, most: int) -> dict[str, Any]:
         plain = torch.load(file, weights_only=True)
     if (found := _bytes(plain)) > most:  # a tensor may claim more numbers than it has
         raise ValueError(f"{path.name} claims {found} bytes, more than the {most} that this training has")
-    data: dict[str, Any] = unplain(plain)
-    return data
+    return unplain(plain)
 
 
 def _room(model: Any, monitor: Any) -> int:

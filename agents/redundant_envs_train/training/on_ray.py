@@ -300,8 +300,7 @@ def train_one(
                 return b"", "stopped", True
             finish(checked(Config, data), place, Teller(courier.tell, courier.stopping, name))
             page = place / "report.md"
-            text = page.read_text(encoding="utf-8").replace(str(place), where)
-            write_text(page, text)
+            write_text(page, page.read_text(encoding="utf-8").replace(str(place), where))
             failed, note = False, result_of(place)
         except KeyboardInterrupt:
             note = "stopped"
