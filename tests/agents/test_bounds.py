@@ -114,8 +114,7 @@ def test_a_pipe_is_not_waited_for(tmp_path, lean, monkeypatch):
 
 def test_arrays_that_claim_more_than_they_have(tmp_path):
     folder, head = shutil.copytree(POLICY, tmp_path / "RPRPReach-v0-sac"), io.BytesIO()
-    described = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
-    np.lib.format.write_array_header_1_0(head, described)
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
     claim = head.getvalue()
     for data, words in (
         (claim, "claims 1000000000000 values"), (bytes(70 * MIB), "67108864"), (b"", "damaged"),

@@ -74,8 +74,7 @@ def test_every_episode_is_replayed_to_the_last_bit(count, words, call, tmp_path,
     found = load(tmp_path / "made-v1")
     assert (found.total_episodes, found.id) == (count, "made-v1")
     assert f"{count} episodes of {found.total_steps} control steps" in out
-    held = any(episode.infos["is_success"][-1] for episode in found)
-    assert held == (words[0] != "random")
+    assert any(episode.infos["is_success"][-1] for episode in found) == (words[0] != "random")
     assert_replayed(tmp_path / "made-v1", 3, count)
 
 
@@ -102,8 +101,7 @@ def test_arguments_of_environments_are_kept(kwargs, tmp_path, monkeypatch):
     monkeypatch.setattr(dataset, "spec_of", lambda env_id, given: spec_of(env_id, kwargs))
     write_dataset("random", RPRP, 8, 0, tmp_path / "made")
     assert_replayed(tmp_path / "made", 0, 8)
-    ends = [episode.terminations[-1] for episode in load(tmp_path / "made")]
-    assert ends == [("task" in kwargs)] * 8
+    assert [episode.terminations[-1] for episode in load(tmp_path / "made")] == [("task" in kwargs)] * 8
     if "observe_parameters" in kwargs:
         shown = {episode.observations[0, -1] for episode in load(tmp_path / "made")}
         assert len(shown) == 8

@@ -308,8 +308,7 @@ def test_actions_drawn_together_give_the_steps_of_actions_drawn_one_step_after_t
 def test_the_error_is_given_at_its_scale_and_the_goal_in_reaches():
     space = make_sb3("FourRGoalReach-v0", 1).observation_space
     achieved, desired = np.array([0.5, -0.2]), np.array([0.51, -0.2])  # the reach is 1 m
-    raw = np.concatenate([achieved, desired, np.arange(16)])
-    given = goal_mixing(space, 0.05).double().numpy() @ raw
+    given = goal_mixing(space, 0.05).double().numpy() @ np.concatenate([achieved, desired, np.arange(16)])
     np.testing.assert_allclose(given[:2], (desired - achieved) / 0.05, atol=1e-6)
     np.testing.assert_allclose(given[2:], [*desired, *np.arange(16)])
     assert goal_mixing(space["observation"], 0.05) is None

@@ -35,8 +35,7 @@ def python(*words):
 
 def without(package):
     """A mark for tests of a package that may not be installed."""
-    missing = importlib.util.find_spec(package) is None
-    return pytest.mark.skipif(missing, reason=f"{package} is not installed")
+    return pytest.mark.skipif(importlib.util.find_spec(package) is None, reason=f"{package} is not installed")
 
 
 def test_the_ppo_example_trains_evaluates_and_saves(tmp_path):
@@ -47,8 +46,7 @@ def test_the_ppo_example_trains_evaluates_and_saves(tmp_path):
     assert progress[-1].split()[:2] == ["4096", "steps"]
     assert trained.startswith(f"trained {RPRP} with seed 0 in ")
     assert holds.endswith(" % of 10 frozen goals")
-    weights = torch.load(tmp_path / "agent.pt", weights_only=True)
-    assert all(torch.isfinite(w).all() for w in weights.values())
+    assert all(torch.isfinite(w).all() for w in torch.load(tmp_path / "agent.pt", weights_only=True).values())
 
 
 CLASSES = {"averaged_ppo": AveragedPPO, "averaged_sac": AveragedSAC, "ppo": PPO, "sac": SAC}

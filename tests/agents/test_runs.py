@@ -57,8 +57,7 @@ def test_a_run_explains_itself(home, refused):
         assert (folder / name).stat().st_size > 0
     assert (folder / "plots" / "learning_curve.png").stat().st_size > 1000
     assert f"{100 * result['hold_success']:.1f} % of 5 episodes" in (folder / "report.md").read_text()
-    again = load(folder / "config.yaml")
-    assert yaml.safe_load((folder / "config.yaml").read_text()) == again.to_dict()
+    assert yaml.safe_load((folder / "config.yaml").read_text()) == load(folder / "config.yaml").to_dict()
     refused(["train", "rprp_reach_ppo", "--out", folder], "is not empty")
 
 
