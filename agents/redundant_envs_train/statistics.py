@@ -13,8 +13,7 @@ Array = NDArray[np.float64]
 Statistic = Callable[..., Any]  # (samples, axis) -> the statistic over this axis
 NORMAL_95 = 1.959963984540054
 TAILS = (0.025, 0.975)  # quantiles at both ends of a 95 % interval
-MIN_RUNS = 5
-"""With two or three runs it would miss the true value in every second or fourth case."""
+MIN_RUNS = 5  # with two or three an interval would miss the true value in every second or fourth case
 MIN_PAIRS = 20  # least number of pairs whose bootstrap says anything
 CHANCE = 0.05  # largest probability by chance of what is called a difference
 RESAMPLES, SEED = 2000, 0

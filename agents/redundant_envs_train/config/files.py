@@ -82,8 +82,7 @@ def merged(
         raise ValueError(f"command line: {error}") from None
 
 
-config_of: Callable[[Any], Config] = functools.partial(checked, Config)
-"""A configuration from plain data."""
+config_of: Callable[[Any], Config] = functools.partial(checked, Config)  # a configuration from plain data
 
 
 def read(path: str | Path) -> dict[str, Any]:

@@ -15,8 +15,7 @@ with needs("train"):
 
 Algorithm = Literal["ppo", "sac", "her", "plain_ppo", "plain_sac", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
-SEEDS_PER_RUN = 10_000
-"""Environment seeds of a run, one per environment, from :func:`first_environment_seed` on."""
+SEEDS_PER_RUN = 10_000  # environment seeds of a run, one each, from first_environment_seed on
 MAX_SEEDS = 9999  # largest seed of a run
 KEPT_FOR_GOALS = (1_000_000, 10_000_000)
 """Environment seeds, from one to below the other, that serve evaluation only, never training."""

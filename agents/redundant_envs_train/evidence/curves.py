@@ -31,10 +31,8 @@ LEARNER_COLORS = {
     "TQC": "#56B4E9", "stock PPO": "#999999", "stock SAC": "#8C564B",
 }  # fmt: skip
 """Learners have the same colour in all figures. Most are Okabe and Ito's, for colour-blind readers."""
-EXPERT_COLOR = "black"
-"""The colour of computed torque in all figures."""
-TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)
-"""Rates that are labelled, the most important first."""
+EXPERT_COLOR = "black"  # the colour of computed torque in all figures
+TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)  # labelled rates, most important first
 CLOSEST = 0.075  # least distance of two labels, as a fraction of the axis
 SPREAD = 3.0  # a panel's x axis is logarithmic if its longest curve is more than this many times its shortest
 ENDINGS = (".png", ".svg")

@@ -18,8 +18,7 @@ with needs("train"):
     from gymnasium import spaces
     from torch import Tensor, nn
 
-NARROW = 8
-"""Columns up to which a product is computed as its transpose, for which MKL takes a third of the time."""
+NARROW = 8  # columns up to which a product is computed transposed: MKL takes a third of the time for it
 ERROR_SCALE = 0.05  # distance from the goal that is the input 1 of the networks, in reaches
 ONE = torch.ones(())
 

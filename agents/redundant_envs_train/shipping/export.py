@@ -42,11 +42,9 @@ ORIGIN = {
     "plain_ppo": "PPO of stable-baselines3", "plain_sac": "SAC of stable-baselines3",
     "td3": "TD3 of stable-baselines3", "tqc": "TQC of sb3-contrib", "crossq": "CrossQ of sb3-contrib",
 }  # fmt: skip
-CARD_RESULTS = 4
-"""Results of a policy in its card; those of a task without success are all that are known."""
+CARD_RESULTS = 4  # results of a policy in its card; of a task without success all that are known
 WORDS = {4: "four"}
-MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}
-"""Packages of classes that are not stable-baselines3's."""
+MODULES = {"TQC": "sb3_contrib", "CrossQ": "sb3_contrib"}  # packages of classes beside stable-baselines3's
 OPSET = 17  # old enough for every runtime since 2022
 TOLERANCE = 1e-6
 """Largest difference of an action from that of the policy's own weights, computed in double precision."""

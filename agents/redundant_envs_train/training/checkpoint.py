@@ -24,8 +24,7 @@ with needs("train"):
     import torch
 
 PART = f"{CHECKPOINT}.part"
-TABLES = ("selection.csv", "monitor.csv")
-"""Files of a run that grow, and are cut back to their earlier length."""
+TABLES = ("selection.csv", "monitor.csv")  # files that grow, and are cut back to their earlier length
 PLAIN = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 """Counters of stable-baselines3's algorithms."""
 MOST = 1e18  # largest number of a run

@@ -48,8 +48,7 @@ PREFIX = "redundant-envs-"  # of folders of tasks, and of the token
 ABANDONED = 60.0  # s; age of such a folder that is not locked, and that no task is about to lock
 OF_THIS_MACHINE = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
 """Of a cluster of this machine alone: it listens at 127.0.0.1, and asks everybody for a token."""
-TOKEN = secrets.token_hex(32)
-"""That of the clusters of this process, as Ray reads its token once."""
+TOKEN = secrets.token_hex(32)  # of the clusters of this process, as Ray reads its token once
 INCOMING = ".incoming"  # folder beside the runs, in which a run is written before it gets its final name
 MAX_CHARACTERS = 300  # most characters of a failure in a message
 

@@ -23,8 +23,7 @@ STOPPING = (
 News = tuple[str, float, str, bool]  # name of a run, share done (1.0: it ended), note, whether it failed
 
 
-_requests: list[threading.Event] = []
-"""Of the trainings of this process that can still be asked to stop."""
+_requests: list[threading.Event] = []  # of the trainings here that can still be asked to stop
 
 
 class Stopped(KeyboardInterrupt):

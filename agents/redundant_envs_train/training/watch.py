@@ -48,8 +48,7 @@ class Watch(BaseCallback):
         self.task = progress.add_task(name, total=config.total_steps, note="")
         self.hold = begun.get("hold", math.nan)
         """Hold success of the last point of the curve; NaN before it, or if the task does not tell it."""
-        self.returned = begun.get("return", math.nan)
-        """Mean return of that point."""
+        self.returned = begun.get("return", math.nan)  # mean return of that point
         self.table = folder / "selection.csv"
         if not begun:
             write_text(self.table, ",".join(SELECTION) + "\n")
