@@ -20,13 +20,9 @@ from .config import Config
 from .rollout import Act, each, expert_act, policy_act, random_act
 from .run_folder import own_config, tell_differences
 
-
-def no_effort(obs: Any, core: Any, step: int) -> NDArray[np.float32]:
-    return np.zeros((core.num_envs, len(core.actions)), dtype=np.float32)
-
-
 ACTIONS: dict[str, Callable[[int], Act]] = {
-    "zero": lambda seed: no_effort, "random": random_act, "expert": lambda seed: expert_act(),
+    "zero": lambda seed: lambda obs, core, step: np.zeros((core.num_envs, len(core.actions)), np.float32),
+    "random": random_act, "expert": lambda seed: expert_act(),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
 MAX_EPISODES = 1_000_000

@@ -86,18 +86,12 @@ def reasons(policy: Outcome, expert: Outcome | None, core: Core) -> dict[str, in
         return found
     if expert is not None and expert.hold is not None:
         found["missed_by_both"] = int((~policy.hold & ~expert.hold).sum())
-    tolerance = tolerance_of(core)
-    if policy.touch is not None and policy.distance is not None and tolerance is not None:
-        missed, at_goal = ~policy.hold & ~policy.ended, policy.distance <= tolerance
+    share = core.task.parameters().get("goal_tolerance")  # of the reach, up to which the tip is at its goal
+    if policy.touch is not None and policy.distance is not None and share is not None:
+        missed, at_goal = ~policy.hold & ~policy.ended, policy.distance <= share * core.reach
         found["restless"] = int((missed & at_goal).sum())
         found["passed"] = int((missed & policy.touch & ~at_goal).sum())
     return found
-
-
-def tolerance_of(core: Core) -> float | None:
-    """Distance up to which the tip is at its goal, m; None if the task has none."""
-    share = core.task.parameters().get("goal_tolerance")
-    return None if share is None else share * core.reach
 
 
 def write_evaluation(found: Evaluation, folder: Path) -> None:

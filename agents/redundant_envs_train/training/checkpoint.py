@@ -96,7 +96,10 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
     place = check_resumable(folder) or folder / CHECKPOINT
     try:
         state = _load(place / STATE, _room(model, monitor))
-        _check_run(state["run"], run)
+        if state["run"]["simulator"] != run["simulator"]:
+            raise ValueError("its simulator is another one")
+        if differing := first_difference(state["run"]["settings"], run["settings"]):
+            raise ValueError("it was made with {}: {}, and config.yaml has {}".format(*differing))
         for name in TABLES:
             size, there = state["tables"][name], (folder / name).stat().st_size
             if not isinstance(size, int) or not 0 <= size <= there:
@@ -138,14 +141,6 @@ def _bytes(value: Any) -> int:
     if isinstance(value, dict | list | tuple):
         return sum(map(_bytes, value.values() if isinstance(value, dict) else value))
     return getattr(value, "nbytes", 0)
-
-
-def _check_run(found: dict[str, Any], run: dict[str, Any]) -> None:
-    if found["simulator"] != run["simulator"]:
-        raise ValueError("its simulator is another one")
-    if differing := first_difference(found["settings"], run["settings"]):
-        name, theirs, ours = differing
-        raise ValueError(f"it was made with {name}: {theirs}, and config.yaml has {ours}")
 
 
 def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
