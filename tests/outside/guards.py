@@ -18,9 +18,8 @@ def in_bands(position):
     return (position + 0.05) * (position - 0.02) * (position - 0.06)
 
 
-@physics
-def banded(position, rate, level, side):
-    return -where(side > 0.0, level, 0.0) * rate
+itself = physics(lambda position: position)
+banded = physics(lambda position, rate, level, side: -where(side > 0.0, level, 0.0) * rate)
 
 
 @dataclass(frozen=True)
@@ -31,11 +30,6 @@ class BrakeInBands(Effect):
 
     def hooks(self, arm):
         return (Force(0, banded, {"position": "phi1", "rate": "phid1", "level": ".level"}, guard=in_bands),)
-
-
-@physics
-def itself(position):
-    return position
 
 
 @dataclass(frozen=True)

@@ -7,31 +7,15 @@ import redundant_envs as rde
 from redundant_envs.algebra import physics, where
 from redundant_envs.effects import Actuation, Effect, Force, Instant, Link, State
 
-
-@physics
-def moment(seconds):
-    return seconds
-
-
-@physics
-def renewed(command):
-    return command
-
-
-@physics
-def present(command, waiting, passed):
-    return where(passed > 0.0, command, waiting)
+moment = physics(lambda seconds: seconds)
+renewed = physics(lambda command: command)
+present = physics(lambda command, waiting, passed: where(passed > 0.0, command, waiting))
 
 
 @dataclass(frozen=True)
 class LateCommand(Effect):
-    """The command of an interval acts from ``seconds`` after its start on; the one before acts until then.
-
-    Parameters
-    ----------
-    seconds : float
-        s; in an interval that is not longer the command before acts all the time.
-    """
+    """The command of an interval acts from ``seconds`` [s] after its start on, and the one before until then:
+    all the time in an interval that is not longer."""
 
     seconds: float
 
@@ -45,32 +29,15 @@ class LateCommand(Effect):
         return Actuation(k, present, bind, Link.DELAY, states=(kept,))
 
 
-@physics
-def half(control_dt, share):
-    return share * control_dt
-
-
-@physics
-def read(rate):
-    return rate
-
-
-@physics
-def brake(sampled, strength):
-    return -strength * sampled
+part_of_interval = physics(lambda control_dt, share: share * control_dt)
+read = physics(lambda rate: rate)
+brake = physics(lambda sampled, strength: -strength * sampled)
 
 
 @dataclass(frozen=True)
 class SampledBrake(Effect):
-    """A brake on joint 1 that knows the rate of the joint as it was read last, once in each interval.
-
-    Parameters
-    ----------
-    strength : float
-        N m s/rad, or N s/m.
-    share : float
-        Share of the interval after which the rate is read.
-    """
+    """A brake of a ``strength`` [N m s/rad or N s/m] on joint 1, which knows the rate of the joint as it was
+    read last, once in each interval, after a ``share`` of it."""
 
     strength: float
     share: float = 0.5
@@ -78,7 +45,7 @@ class SampledBrake(Effect):
     def hooks(self, arm):
         sampled = State("sampled", "rad/s", update=read, bind={"rate": "phid1"}, when="instant")
         own = {"sampled": ".sampled", "strength": ".strength"}
-        return (Instant(half, {"share": ".share"}), Force(0, brake, own, states=(sampled,)))
+        return (Instant(part_of_interval, {"share": ".share"}), Force(0, brake, own, states=(sampled,)))
 
 
 rde.register_effect(LateCommand)

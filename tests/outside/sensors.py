@@ -21,14 +21,8 @@ def filtered(reading, last, time_constant, control_dt):
     return reading + (last - reading) * exp(-control_dt / time_constant)
 
 
-@physics
-def first(reading):
-    return reading
-
-
-@physics
-def shown(last):
-    return last
+first = physics(lambda reading: reading)
+shown = physics(lambda last: last)
 
 
 @dataclass(frozen=True)
