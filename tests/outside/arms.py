@@ -1,7 +1,5 @@
 """The arms of these tests: two of the package, and two from outside; their states, and scenes on them."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import rrp
 import three_r
@@ -26,40 +24,15 @@ def states(arm, count, spread=1.0, seed=3):
     return q, 2.0 * rng.normal(size=q.shape), 4.0 * rng.normal(size=q.shape)
 
 
-def stops(arm, restitution=0.5):
-    """Stops of the sliders of an arm; none of an arm that only turns."""
-    count = len(arm.sliders())
-    return (e.PrismaticStop((-0.1,) * count, (0.15,) * count, restitution),) if count else ()
-
-
 def inertias(arm):
     """Rotors at all joints, and links that are no points."""
     turning = arm.prismatic.count(False)
     return e.Armature(ROTORS[: len(arm.joints)]), e.LinkInertia(LINKS[:turning])
 
 
-@dataclass(frozen=True)
-class Bumper(e.Effect):
-    """Stops of one slider with its own restitution."""
-
-    joint: int = 1
-    upper: float = 0.2
-    lower: float = 0.0
-    restitution: float = 0.0
-
-    static = ("joint",)
-
-    @property
-    def key(self):
-        return f"bumper{self.joint}"
-
-    def hooks(self, arm):
-        return (e.Impact(self.joint, ".lower", ".upper", ".restitution"),)
-
-
 STEPS = {
     "heun": {"integrator": "heun", "substeps": 3},
-    "rk4": {"integrator": "rk4"},
+    "rk4": {"integrator": "rk4", "substeps": 3},
     "rk8": {},
     "1e-6": {"tolerance": 1e-6},
     "dop853": {"integrator": "dop853"},

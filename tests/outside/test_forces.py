@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from arms import ARMS, LINKS, ROTORS, e, inertias, states
+from arms import ARMS, LINKS, ROTORS, STEPS, e, inertias, states
 from catalogue import COPIES, RPRP, advanced, assert_same_bits, tips_after
 from late_command import LateCommand, SampledBrake
 from outside.guards import BrakeInBands, HalfBrake, brake
@@ -20,8 +20,6 @@ from redundant_envs.model.batch import Numerics
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.simulator.lane.direct import fields_of
 from redundant_envs.simulator.lane.dynamics import Dynamics
-
-# ---- at points ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("name", "k"), [("4R", 4), ("RPRP", 1), ("3R", 2), ("RRP", 3)])
@@ -44,18 +42,12 @@ def test_a_force_at_a_point_accelerates_as_virtual_work_says(name, k):
     assert np.abs(found - expected).max() < 1e-7 * np.abs(expected).max()
 
 
-# ---- motors and states -------------------------------------------------------------------------------
-
-
 def test_links_act_in_their_stated_order_whatever_the_order_of_effects():
     chain = e.CommandDelay(0.02, 0.02), e.Lag(0.03), e.EffortLimits(1.5)
     zero = np.zeros((4, 3))
-    own, turned, free = (
-        advanced(
-            rde.Scene(ARMS["3R"], effects, integrator="rk4", substeps=4), zero, zero, zero + 4.0, intervals=5
-        )[0]
-        for effects in (chain, chain[::-1], chain[:2])
-    )
+    orders = chain, chain[::-1], chain[:2]
+    scenes = (rde.Scene(ARMS["3R"], effects, integrator="rk4", substeps=4) for effects in orders)
+    own, turned, free = (advanced(scene, zero, zero, zero + 4.0, intervals=5)[0] for scene in scenes)
     lagged = own.z[0, -3:]  # the first interval has no command
     assert np.abs(lagged - 4.0 * (1.0 - np.exp(-0.08 / 0.03))).max() < 1e-4
     assert lagged.min() > 1.5  # what acts is less: limits come last
@@ -143,9 +135,6 @@ def ends_of(scene, change=None):
     return np.concatenate([batch.q, batch.qd, batch.work[:, None]], axis=1)
 
 
-# ---- loads -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.long
 def test_a_load_moves_as_a_heavier_arm_also_where_each_lane_has_its_own():
     np.testing.assert_array_equal(*map(ends_of, loaded_and_heavy("RRP", tolerance=1e-6)))
@@ -212,15 +201,9 @@ def test_a_loaded_arm_is_copied_as_it_is_and_is_no_robot_of_a_scene():
 
 # ---- instants divide an interval into pieces, which end as intervals of these lengths would ----------
 
-LENGTH = 0.02
+LENGTH, METHODS = 0.02, ("rk8", "rk4", "1e-6", "dop853")
 STOPS = e.PrismaticStop((-0.1, -0.1), (0.1, 0.15), 0.5)
-STEPS = {
-    "rk8": {},
-    "rk4": {"integrator": "rk4", "substeps": 3},
-    "1e-6": {"tolerance": 1e-6},
-    "dop853": {"integrator": "dop853"},
-}
-ON = pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+ON = pytest.mark.parametrize("steps", [STEPS[x] for x in METHODS], ids=METHODS)
 BOTH = pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP with stops"])
 
 
@@ -242,13 +225,7 @@ def starts(arm, lanes=24, seed=8):
 def simulators(*given):
     """Simulators of some scenes in the same states, and commands."""
     q, qd, commands = starts(given[0].robot)
-    made = [rde.BatchSimulator(scene, len(q)) for scene in given]
-    for batch in made:
-        batch.set_state(q, qd)
-    return (*made, commands)
-
-
-# ---- pieces ------------------------------------------------------------------------------------------
+    return (*(advanced(scene, q, qd, intervals=0)[0] for scene in given), commands)
 
 
 @pytest.mark.quick("0.0-0-rk8-4R")
@@ -276,11 +253,10 @@ def test_lanes_of_one_block_have_their_own_pieces_or_none(arm, steps):
         q[:4, [1, 3]], qd[:4] = (0.1, 0.15), 0.0
         q[2, [0, 2]] = np.pi
         commands[:, :4, 1::2] *= 20.0
-    lanes = [rde.BatchSimulator(made, 1) for _ in times]
-    block = rde.BatchSimulator(made, len(times))
-    for batch, rows in [(block, slice(None)), *((one, slice(k, k + 1)) for k, one in enumerate(lanes))]:
-        batch.set_parameters({"late_command.seconds": times[rows]})
-        batch.set_state(q[rows], qd[rows])
+    block, *lanes = (
+        advanced(made, q[rows], qd[rows], None, {"late_command.seconds": times[rows]}, intervals=0)[0]
+        for rows in (slice(None), *(slice(k, k + 1) for k in range(len(times))))
+    )
     for command in commands:
         status = block.advance(command)
         alone = [one.advance(command[k : k + 1]) for k, one in enumerate(lanes)]
@@ -326,9 +302,6 @@ def test_a_fifth_instant_is_refused():
     assert rde.Scene(FOUR_R, delays((0.001, 0.002, 0.003, 0.004)))
     with pytest.raises(ValueError, match=r"instants of late0, .*; give at most 4"):
         rde.Scene(FOUR_R, delays((0.0, 0.001, 0.002, 0.003, 0.004)))
-
-
-# ---- states that are renewed at an instant -----------------------------------------------------------
 
 
 def test_what_was_read_acts_from_the_instant_on():

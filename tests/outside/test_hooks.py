@@ -1,15 +1,12 @@
-"""The contract of hooks: an effect of a user keeps every promise of ``verify`` with those of them that no
-effect of the package has, or has otherwise.
-
-Its bits depend on no neighbour, thread or copy, its evaluators agree, its energy is booked, its tolerance
-kept. What each hook does to the motion is said by an oracle of its own elsewhere in this folder.
-"""
+"""Hooks that no effect of the package has, or has otherwise: an effect of a user keeps every promise of
+``verify`` with them. What each hook does to a motion is said by an oracle of its own in this folder."""
 
 from dataclasses import dataclass
 
 import heun  # noqa: F401 - registers its method
 import pytest
-from arms import ARMS, STEPS, e, stops
+from arms import ARMS, STEPS, e
+from catalogue import stops
 from guards import BrakeInBands, HalfBrake
 from humming_stop import HummingStop
 from lag_chain import LagChain
@@ -23,7 +20,6 @@ from redundant_envs.verify import Mode, verify
 from redundant_envs.verify.report import checks_in
 
 CHECKS = [c for c in checks_in(Mode.FULL) if c.family != "environments"]
-
 
 pull = physics(lambda x2, y2, stiffness: (-stiffness * x2, -stiffness * y2))
 
@@ -70,8 +66,9 @@ HOOKS = {  # effects, an arm, and steps
 
 def scene_of(hook):
     effects, name, steps = HOOKS[hook]
-    own = (e.Gravity(), e.ViscousFriction(0.1), *stops(ARMS[name], 0.0))
-    return rde.Scene(ARMS[name], (*own, *effects), **STEPS[steps])
+    arm = ARMS[name]
+    own = (stops(arm, 0.0, -0.1, 0.15),) if arm.sliders() else ()
+    return rde.Scene(arm, (e.Gravity(), e.ViscousFriction(0.1), *own, *effects), **STEPS[steps])
 
 
 @pytest.mark.quick("Force at a Point")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import rrp
 import three_r
-from arms import ARMS, Bumper, e
+from arms import ARMS, e
 from humming_stop import HummingStop
 
 import redundant_envs as rde
@@ -157,6 +157,13 @@ def walled(*ends):
     return effect_of(numbers={"a": -1.0, "b": 1.0}, hooks=bound, travel=lambda self, arm: {1: ends})
 
 
+def bumper(joint=1, **given):
+    """Stops of one slider with its own restitution."""
+    numbers = {"lower": 0.0, "upper": 0.2, "restitution": 0.0, **given}
+    hook = e.Impact(joint, ".lower", ".upper", ".restitution")
+    return effect_of(hook, numbers=numbers, key=f"bumper{joint}")
+
+
 def added(hook, number=0.1):
     """An effect with a mass or an inertia."""
     return effect_of(hook, numbers={"number": number})
@@ -234,10 +241,10 @@ BELOW = "give the lower first"
         (added(TURNED, -0.5), r"mine.number is -0.5; give 0 to 45000 kg m\^2, a million times"),
         (added(LIGHTER, -2.0), "masses with what effects add.*-0.5"),
         # stops and walls
-        ((Bumper(), Bumper(3, restitution=0.5)), "stops with several restitutions"),
-        ((Bumper(0, 3.0), Bumper(2, 3.0, restitution=0.5)), "stops of revolute joints"),
-        (Bumper(restitution=1.5), r"Bumper\).restitution is 1.5; it must lie in 0 to 1"),
-        (Bumper(lower=0.3), f"travel is .lower to .upper, 0.3 to 0.2; {BELOW}"),
+        ((bumper(), bumper(3, restitution=0.5)), "stops with several restitutions"),
+        ((bumper(0, upper=3.0), bumper(2, upper=3.0, restitution=0.5)), "stops of revolute joints"),
+        (bumper(restitution=1.5), r"Mine\).restitution is 1.5; it must lie in 0 to 1"),
+        (bumper(lower=0.3), f"travel is .lower to .upper, 0.3 to 0.2; {BELOW}"),
         (effect_of(e.Gap(of_speed, ".a"), numbers=AB), "it may depend on parameters and the pose"),
         # sensors
         (
@@ -266,15 +273,12 @@ def test_a_name_of_the_effect_and_of_the_arm_is_allowed_where_it_is_bound(source
     assert attached.functions["function"].names == ({".m1": "mine.m1"}.get(source, source),)
 
 
-SPRING = HummingStop(1, 0.1, 0.2, 2e3, 30.0)
-
-
 @pytest.mark.parametrize(
     ("effect", "change", "said"),
     [
         (walled("a", "b"), {"mine.a": 3.0}, f"travel of 'r1' .* 3.0 to 1.0; {BELOW}"),
-        (SPRING, {"humming_stop.lower": [0.0, 0.2]}, BELOW),
-        (Bumper(), {"bumper1.restitution": -0.1}, "bumper1.restitution is -0.1; it must lie in 0 to 1"),
+        (HummingStop(1, 0.1, 0.2, 2e3, 30.0), {"humming_stop.lower": [0.0, 0.2]}, BELOW),
+        (bumper(), {"bumper1.restitution": -0.1}, "bumper1.restitution is -0.1; it must lie in 0 to 1"),
         (added(TURNED), {"mine.number": 1e6}, r"is 1e\+06; give 0 to 45000 kg m\^2.* hide the arm"),
         (added(TURNED), {"masses": [2.0, 1.5, 1.0, 5e-7]}, r"mine.number is 0.1; give 0 to 0.045 kg m\^2"),
         (added(LIGHTER, -1.0), {"mine.number": [-1.0, -2.0]}, "m2 with mine.number has the entry -0.5"),
