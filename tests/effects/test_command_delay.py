@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, RPRP, assert_same_bits
+from catalogue import FOUR_R, RPRP, advanced, assert_same_bits
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -24,9 +24,7 @@ def pair(arm, seconds, lanes=12, **steps):
     rng = np.random.default_rng(5)
     q, qd = rng.uniform(-1.0, 1.0, (lanes, 4)), rng.normal(size=(lanes, 4))
     q[:, np.array(arm.prismatic)] *= 0.1
-    made = [rde.BatchSimulator(scene, lanes) for scene in (delayed, bare)]
-    for batch in made:
-        batch.set_state(q, qd)
+    made = (advanced(scene, q, qd, intervals=0)[0] for scene in (delayed, bare))
     return (*made, rng.uniform(-4.0, 4.0, (7, lanes, 4)))
 
 
@@ -59,11 +57,10 @@ def test_an_error_made_before_an_instant_is_small_enough_at_the_end_of_the_inter
     bare = rde.Scene(arm, (), tolerance=1e-3 * tolerance, control_dt=dt, actuation="generalized")
     delayed = dataclasses.replace(bare, effects=(e.CommandDelay(delay, 0.1),), tolerance=tolerance)
     rng = np.random.default_rng(seed)
-    batch, finer = (rde.BatchSimulator(scene, lanes) for scene in (delayed, bare))
-    batch.set_state(rng.uniform(-3.0, 3.0, (lanes, 4)), rng.normal(0.0, 2.0, (lanes, 4)))
+    q, qd = rng.uniform(-3.0, 3.0, (lanes, 4)), rng.normal(0.0, 2.0, (lanes, 4))
     before, now = rng.uniform(-15.0, 15.0, (2, lanes, 4))
-    batch.advance(before)
-    finer.set_state(batch.q, batch.qd)
+    batch, _ = advanced(delayed, q, qd, before)
+    finer, _ = advanced(bare, batch.q, batch.qd, intervals=0)
     faults = batch.advance(now).numerics
     faults = faults | finer.advance_partly(before, delay).numerics
     faults = faults | finer.advance_partly(now, dt - delay).numerics
@@ -82,9 +79,8 @@ def test_thousands_of_steps_around_an_instant_are_confirmed_without_a_flag():
     delay = (e.CommandDelay(0.06, 0.4),)
     tips = []
     for how in ({"tolerance": 1e-3}, {"integrator": "dop853"}):
-        batch = rde.BatchSimulator(rde.Scene(arm, delay, control_dt=0.2, actuation="generalized", **how), 2)
-        batch.set_state(q, qd)
-        status = batch.advance(efforts)
+        scene = rde.Scene(arm, delay, control_dt=0.2, actuation="generalized", **how)
+        batch, status = advanced(scene, q, qd, efforts)
         assert not status.numerics.any()
         assert status.evaluations.max() < 300_000
         tips.append(arm.forward_kinematics(batch.q))

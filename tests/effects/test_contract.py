@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, GROUPS, RPRP, every_effect
+from catalogue import FOUR_R, GROUPS, RPRP, advanced, every_effect
 from refusals import short
 
 import redundant_envs as rde
@@ -25,15 +25,7 @@ from redundant_envs.effects.numbers import DECLARED, example_of, of_axes, two
 from redundant_envs.envs import cost
 from redundant_envs.robots.parameters import number
 from redundant_envs.scenes.files import config_folder
-from redundant_envs.verify import (
-    Verdict,
-    bits,
-    conservation,
-    evaluators,
-    forces,
-    hints,
-    verify,
-)
+from redundant_envs.verify import Verdict, bits, conservation, evaluators, forces, hints, verify
 from redundant_envs.verify.checks import checks_of, random_states
 from studies.effects import load_study
 
@@ -124,12 +116,9 @@ HOW = {
 LANES, INTERVALS = 21, 20
 
 
-def motion(scene, start):
+def motion(scene, q, qd, efforts):
     """Bits of the states after each interval, and the evaluations that these took."""
-    q, qd, efforts = start
-    batch = rde.BatchSimulator(scene, LANES)
-    batch.set_state(q, qd)
-    found = []
+    batch, found = advanced(scene, q, qd, intervals=0)[0], []
     for k in range(INTERVALS):
         status = batch.advance((-1.0) ** k * efforts)
         found += [batch.q.tobytes(), batch.qd.tobytes(), status.evaluations.tobytes()]
@@ -144,9 +133,9 @@ def test_a_motion_has_the_same_bits_without_an_effect_and_with_one_of_zero_magni
     zero, without = (dataclasses.replace(s, **how) for s in cost.alone(entry.arm, entry.zero))
     q, qd, efforts = random_states(without, LANES, 0)
     start = q, qd, efforts + np.random.default_rng(0).normal(0.0, 10.0, efforts.shape)
-    expected = motion(without, start)
-    assert motion(zero, start) == expected
-    assert motion(alone(name, **how), start) != expected
+    expected = motion(without, *start)
+    assert motion(zero, *start) == expected
+    assert motion(alone(name, **how), *start) != expected
 
 
 # ---- its numbers -------------------------------------------------------------------------------------

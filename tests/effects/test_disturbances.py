@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R
+from catalogue import FOUR_R, advanced
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -16,11 +16,8 @@ SIGMAS = 4.0
 
 def pushed(effect, intervals, control_dt=0.02, count=1, **kwargs):
     """A cart at rest at first after some intervals."""
-    batch = rde.BatchSimulator(rde.Scene(CART, (effect,), control_dt=control_dt, **kwargs), count)
-    batch.set_state(np.zeros((count, 1)), np.zeros((count, 1)))
-    for _ in range(intervals):
-        batch.advance()
-    return batch
+    scene, rest = rde.Scene(CART, (effect,), control_dt=control_dt, **kwargs), np.zeros((count, 1))
+    return advanced(scene, rest, rest, intervals=intervals)[0]
 
 
 # ---- steps and periodic forces -----------------------------------------------------------------------
@@ -57,21 +54,18 @@ def test_a_periodic_force_moves_a_cart_as_it_should(how, near):
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
 def test_error_control_sees_forces_that_oscillate_within_an_interval(tolerance):
     """Also at whole periods in an interval, whose mean is 0."""
-    frequencies = np.concatenate(
-        [np.linspace(5.0, 400.0, 300), np.linspace(400.0, 5000.0, 300), [50.0, 100.0]]
-    )
+    frequencies = np.hstack([np.linspace(5.0, 400.0, 300), np.linspace(400.0, 5000.0, 300), 50.0, 100.0])
     for amplitude in (1.0, 100.0, 1e4):
         effect = e.JointTorque(amplitude=amplitude, frequency=1.0, phase=0.3)
-        batch = rde.BatchSimulator(rde.Scene(CART, (effect,), tolerance=tolerance), len(frequencies))
-        batch.set_parameters({"joint_torque.frequency": frequencies})
-        batch.set_state(*np.zeros((2, len(frequencies), 1)))
-        assert not batch.advance().numerics.any()
+        scene, zero = rde.Scene(CART, (effect,), tolerance=tolerance), np.zeros((len(frequencies), 1))
+        batch, status = advanced(scene, zero, zero, None, {"joint_torque.frequency": frequencies})
+        assert not status.numerics.any()
         w, t = 2.0 * np.pi * frequencies, 0.02
         place = amplitude / (MASS * w) * (np.cos(0.3) * t - (np.sin(w * t + 0.3) - np.sin(0.3)) / w)
         assert np.abs(batch.q[:, 0] - place).max() < tolerance
 
 
-# ---- white noise -------------------------------------------------------------------------------------
+# ---- random forces -----------------------------------------------------------------------------------
 
 LANES = 200_000
 
@@ -94,9 +88,6 @@ def test_white_noise_at_the_tip_has_its_densities():
     x = rde.BatchSimulator(scene, LANES).z * np.sqrt(0.02)
     assert x.std(axis=0) == pytest.approx([2.0, 0.5], rel=SIGMAS / np.sqrt(2.0 * LANES))
     assert abs(np.corrcoef(x.T)[0, 1]) < SIGMAS / np.sqrt(LANES)
-
-
-# ---- Ornstein-Uhlenbeck ------------------------------------------------------------------------------
 
 
 @pytest.mark.long

@@ -6,23 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, advanced
+from one_joint import WITH
 
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.language.algebra import physics
 
-STEPS = {
-    "rk4": {"integrator": "rk4", "substeps": 4},
-    "rk8": {},
-    "1e-9": {"tolerance": 1e-9},
-    "dop853": {"integrator": "dop853"},
-}
-ARMS = {"4R": FOUR_R, "RPRP": RPRP}
+ARMS = pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
 Q, QD = np.array((0.3, 0.2, -0.4, 0.1)), np.array((1.0, -0.4, 0.5, 0.3))
 
 once = physics(lambda ready: 0.0 * ready)
-
-
 blow = physics(lambda ready, x, y: (ready * x, ready * y))
 knock = physics(lambda ready, y: ready * y)
 in_turn = physics(lambda ready: 1.0 - ready)
@@ -63,12 +56,12 @@ class BlowInside(Blow):
 
 
 @pytest.mark.quick("4R-Point(number=1)-rk4")
-@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+@WITH
 @pytest.mark.parametrize("place", [e.Point(1), 2], ids=str)
-@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
-def test_an_impulse_changes_momentum_by_itself_and_its_work_is_booked(arm, place, steps):
+@ARMS
+def test_an_impulse_changes_momentum_by_itself_and_its_work_is_booked(arm, place, how):
     """A motion that an impulse begins is that of a start with the velocities after it."""
-    scene = rde.Scene(arm, (e.Gravity(), Blow(place, 0.5, -0.3)), **steps)
+    scene = rde.Scene(arm, (e.Gravity(), Blow(place, 0.5, -0.3)), **how)
     if isinstance(place, e.Point):
         k = place.number + 1
         known = arm.parameter_values() | dict(zip(arm.coordinates, Q, strict=True))
@@ -77,10 +70,8 @@ def test_an_impulse_changes_momentum_by_itself_and_its_work_is_booked(arm, place
     else:
         push = arm.motor_map[:, place] * -0.3
     after = QD + np.linalg.solve(arm.mass_matrix(Q), push)
-    found, expected = (
-        rde.simulate(s, Q, qd, [0.0, 0.02, 0.03, 0.1])
-        for s, qd in ((scene, QD), (dataclasses.replace(scene, effects=(e.Gravity(),)), after))
-    )
+    times, plain = [0.0, 0.02, 0.03, 0.1], dataclasses.replace(scene, effects=(e.Gravity(),))
+    found, expected = rde.simulate(scene, Q, QD, times), rde.simulate(plain, Q, after, times)
     np.testing.assert_allclose(found.q[1:], expected.q[1:], atol=1e-13)
     np.testing.assert_allclose(found.qd[1:], expected.qd[1:], atol=1e-12)
     work = expected.kinetic_energy[0] - found.kinetic_energy[0]
@@ -89,22 +80,15 @@ def test_an_impulse_changes_momentum_by_itself_and_its_work_is_booked(arm, place
 
 
 @pytest.mark.quick("4R-rk4")
-@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
-@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
-def test_an_impulse_at_an_instant_divides_the_motion_there(arm, steps):
+@WITH
+@ARMS
+def test_an_impulse_at_an_instant_divides_the_motion_there(arm, how):
     """Lanes have it at different times, one at the start, one never; by hand an interval is cut there."""
-    plain = rde.Scene(arm, (e.Gravity(),), **steps)
-    scene, times = (
-        dataclasses.replace(plain, effects=(*plain.effects, BlowInside(1, 0.0, -0.3))),
-        [0.0, 0.004, 0.013, 0.5],
-    )
-    found = rde.BatchSimulator(scene, 4, track_work=True)
-    found.set_parameters({"blow.x": times})
-    found.set_state(np.tile(Q, (4, 1)), np.tile(QD, (4, 1)))
-    found.advance()
+    plain, times = rde.Scene(arm, (e.Gravity(),), **how), [0.0, 0.004, 0.013, 0.5]
+    scene = dataclasses.replace(plain, effects=(*plain.effects, BlowInside(1, 0.0, -0.3)))
+    found, _ = advanced(scene, [Q] * 4, QD, None, {"blow.x": times}, track_work=True)
     for k, time in enumerate(times):
-        hand = rde.BatchSimulator(plain, 1, track_work=True)
-        hand.set_state(Q, QD)
+        hand, _ = advanced(plain, Q, QD, intervals=0, track_work=True)
         if 0.0 < time < 0.02:
             hand.advance_partly(None, time)
         work = hand.work[0]
@@ -119,16 +103,13 @@ def test_an_impulse_at_an_instant_divides_the_motion_there(arm, steps):
 
 
 @pytest.mark.quick("0.0-rk4")
-@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+@WITH
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
-def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restitution):
+def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(how, restitution):
     """Gravity presses 2 kg onto the lower stop, where they have come to rest in the interval before."""
-    effects = (
-        e.Gravity(2.0, (-1.0, 0.0)),
-        e.PrismaticStop((0.0,), (1.0,), restitution),
-        Blow(0, 0.0, 0.0, later=True),
-    )
-    scene = rde.Scene(rde.Chain("P", (2.0,)), effects, control_dt=0.1, **steps)
+    stop, blow = e.PrismaticStop((0.0,), (1.0,), restitution), Blow(0, 0.0, 0.0, later=True)
+    effects = e.Gravity(2.0, (-1.0, 0.0)), stop, blow
+    scene = rde.Scene(rde.Chain("P", (2.0,)), effects, control_dt=0.1, **how)
     change = {"blow.y": [0.0, 0.6, -0.6]}
     found, status = advanced(scene, np.zeros((3, 1)), np.zeros((3, 1)), None, change, intervals=2)
     assert not status.numerics.any()
@@ -141,19 +122,17 @@ def test_a_slider_at_rest_is_sent_away_from_its_stop_or_strikes_it(steps, restit
 
 
 @pytest.mark.quick("4R-rk4")
-@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
-@pytest.mark.parametrize("arm", ARMS.values(), ids=ARMS)
-def test_momentum_is_kept_where_the_tip_picks_up_a_mass(arm, steps):
+@WITH
+@ARMS
+def test_momentum_is_kept_where_the_tip_picks_up_a_mass(arm, how):
     """M qd stays, with another M; the loss, and the potential energy of the object, are booked."""
     masses = np.array([0.0, 0.01, 0.7, 50.0])
-    plain = rde.Scene(arm, (e.Gravity(),), **steps)
+    plain = rde.Scene(arm, (e.Gravity(),), **how)
     loaded = dataclasses.replace(plain, effects=(*plain.effects, e.PickUp(1.0, 0.05)))
     rng = np.random.default_rng(3)
     q, qd, efforts = Q + rng.normal(size=(4, 4)) * 0.1, rng.normal(size=(4, 4)), rng.normal(size=(4, 4))
-    found, bare = (
-        advanced(scene, q, qd, efforts, given, intervals=3, track_work=True)[0]
-        for scene, given in ((loaded, {"pick_up.mass": masses}), (plain, {}))
-    )
+    found, _ = advanced(loaded, q, qd, efforts, {"pick_up.mass": masses}, intervals=3, track_work=True)
+    bare, _ = advanced(plain, q, qd, efforts, intervals=3, track_work=True)
     np.testing.assert_allclose(found.q, bare.q, atol=1e-14)
     np.testing.assert_array_equal(found.z[:, 0], masses)
     for here, mass, before, after, work in zip(

@@ -5,7 +5,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from catalogue import FOUR_R, GRAVITY, RPRP, SCENES, assert_same_bits, e, on
+from catalogue import FOUR_R, GRAVITY, RPRP, SCENES, advanced, assert_same_bits, e, on
 
 import redundant_envs as rde
 from redundant_envs.verify.checks import random_states
@@ -13,11 +13,7 @@ from redundant_envs.verify.checks import random_states
 
 def run(scene, q, qd, u, steps=1, parameters=None, **kwargs):
     """States after some intervals, (lanes, 8), and the status of the last."""
-    batch = rde.BatchSimulator(scene, len(q), **kwargs)
-    batch.set_state(q, qd)
-    batch.set_parameters(parameters or {})
-    for _ in range(steps):
-        status = batch.advance(u)
+    batch, status = advanced(scene, q, qd, u, parameters, steps, **kwargs)
     return np.concatenate([batch.q, batch.qd], axis=1), status
 
 
@@ -68,9 +64,9 @@ def test_an_effort_that_is_no_number_is_reported(integrator):
     """Of a slider that rests at its stop, too."""
     resting = rde.Scene(RPRP, (e.Gravity(), e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.0)), tolerance=1e-6)
     for scene, q in ((rde.Scene(FOUR_R, (GRAVITY,), integrator), 0.0), (resting, (-1.5, 0.3, -1.5, 0.3))):
-        batch, efforts = rde.BatchSimulator(scene, 9), np.zeros((9, 4))
-        batch.set_state(np.full((9, 4), q), np.zeros(4))
-        assert batch.advance().finite.all()
+        batch, status = advanced(scene, np.full((9, 4), q), np.zeros(4))
+        assert status.finite.all()
+        efforts = np.zeros((9, 4))
         efforts[5, 0] = np.nan
         status = batch.advance(efforts)
         assert np.flatnonzero(~status.finite).tolist() == [5]
