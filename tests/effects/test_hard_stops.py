@@ -6,7 +6,7 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
-from catalogue import EQUAL, FOUR_R, RPRP, advanced, assert_same_bits, by_another_account
+from catalogue import EQUAL, FOUR_R, RPRP, advanced, assert_same_bits, by_another_account, stops
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -69,59 +69,42 @@ NARROW = rde.RPRP((0.5,) * 4, (0.25, 0.25))
 TRAVEL = 0.001
 
 
-def at_ends(rng, n, share):
-    """Which of two sliders are near their upper ends, and the way out, (n, 2)."""
-    upper = rng.random((n, 2)) < share
-    return upper, np.where(upper, 1.0, -1.0)
-
-
-def with_sliders(rng, at, speed):
-    """q and qd, (n, 4), with sliders somewhere at a speed."""
-    q, qd = rng.uniform(-3.0, 3.0, (len(at), 4)), rng.normal(size=(len(at), 4))
-    q[:, 1::2], qd[:, 1::2] = at, speed
-    return q, qd
-
-
 def slow_leavers():
-    """States and efforts, (4000, 4) each: a slider leaves its stop slowly, the other is about to strike."""
-    rng, n = np.random.default_rng(2), 4000
-    upper, side = at_ends(rng, n, 0.7)
-    strikes = (rng.random(n) < 0.5)[:, None] ^ np.array([False, True])
-    digits = rng.integers(1, 8, (n, 2)) * np.where(upper, np.spacing(TRAVEL), 1e-19)
-    speed = 10.0 ** np.where(strikes, rng.uniform(-6.0, -2.0, (n, 2)), rng.uniform(-12.0, -8.0, (n, 2)))
-    at = np.where(upper, TRAVEL, 0.0) - side * digits * strikes
-    q, qd = with_sliders(rng, at, side * np.where(strikes, speed, -speed))
-    return q, qd, rng.normal(size=(n, 4)) * (1.0, 5.0, 1.0, 5.0)
+    """States and efforts, (4, 4) each: a slider leaves its stop slowly, the other is about to strike."""
+    angles = [[1.897, -0.235], [1.582, -0.525], [0.703, 2.787], [-1.214, 2.236]]
+    at = TRAVEL - np.array([[3, 0], [6, 0], [6, 0], [0, 7]]) * np.spacing(TRAVEL)
+    rates = [[-0.165, -1.6], [0.027, 0.867], [-1.08, -0.187], [1.829, 1.723]]
+    speed = [[2.4e-4, -2.1e-12], [1.9e-4, -1.9e-11], [6.4e-4, -1.3e-12], [-4.9e-9, 2.9e-4]]
+    q, qd = (np.stack(pairs, axis=2).reshape(4, 4) for pairs in ([angles, at], [rates, speed]))
+    efforts = [[0.9, 6, 0.7, 5], [0.1, 8.1, 1.2, 5.8], [-1.3, 2.2, 0.4, 10.1], [1.5, 2.2, -0.2, 3]]
+    return q, qd, np.array(efforts)
 
 
 def pressed():
-    """The same, (100, 4) each, of sliders one of which stands at a stop, and the other may strike one."""
+    """The same, (12, 4) each, of sliders one of which stands at a stop, and the other may strike one."""
     rng, n = np.random.default_rng(3), 100
-    upper, side = at_ends(rng, n, 0.5)
+    upper = rng.random((n, 2)) < 0.5
     stands = rng.random((n, 2)) < 0.5
     stands[:, 0] |= ~stands.any(axis=1)
-    speed = np.where(stands, 0.0, side * rng.uniform(0.2, 2.0, (n, 2)))
-    q, qd = with_sliders(rng, np.where(upper, TRAVEL, 0.0), speed)
-    return q, qd, rng.uniform(-10.0, 10.0, (n, 4))
+    q, qd = rng.uniform(-3.0, 3.0, (n, 4)), rng.normal(size=(n, 4))
+    q[:, 1::2] = np.where(upper, TRAVEL, 0.0)
+    qd[:, 1::2] = np.where(stands, 0.0, np.where(upper, 1.0, -1.0) * rng.uniform(0.2, 2.0, (n, 2)))
+    return q[:12], qd[:12], rng.uniform(-10.0, 10.0, (n, 4))[:12]
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("states", "lanes", "restitution", "most"),
-    [(slow_leavers, (558, 881, 1005, 3433), 0.0, 1e-11), (pressed, range(12), 0.5, 1e-8)],
+    ("given", "restitution", "most"), [(slow_leavers(), 0.0, 1e-11), (pressed(), 0.5, 1e-8)]
 )
-def test_another_account_lets_slow_sliders_leave_and_supports_pressed_ones(states, lanes, restitution, most):
+def test_another_account_lets_slow_sliders_leave_and_supports_pressed_ones(given, restitution, most):
     """With fixed steps a bounce below 1e-9 m is put to rest: slow ones would be off by 8e-5."""
     pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
-    given = [x[[*lanes]] for x in states()]
     made = scene(NARROW, restitution, upper=(TRAVEL,) * 2)
     batch, _ = advanced(made, *given)
     assert np.abs(np.stack([batch.q, batch.qd], axis=1) - by_another_account(made, *given)).max() < most
 
 
 # ---- rest --------------------------------------------------------------------------------------------
-
-HANGING = [-math.pi / 2, 0.3, -math.pi / 2, 0.3]
 
 
 @pytest.mark.quick("0.0")
@@ -143,7 +126,8 @@ def test_every_start_at_both_stops_goes_on(restitution):
 
 
 def test_a_stop_that_is_moved_away_lets_go():
-    batch, _ = advanced(scene(restitution=0.0, tolerance=1e-6), HANGING, [0.0] * 4)
+    hanging = [-math.pi / 2, 0.3, -math.pi / 2, 0.3]
+    batch, _ = advanced(scene(restitution=0.0, tolerance=1e-6), hanging, [0.0] * 4)
     batch.set_parameters({"prismatic_stop.upper": [0.5, 0.5]})
     for _ in range(5):
         batch.advance()
@@ -258,12 +242,9 @@ def test_a_link_pressed_onto_its_stop_rests_until_its_effort_turns(how):
     """The effort lags behind its command: it is 0 at T ln 2 after the command has turned."""
     lag = 0.03
     effects = (e.Lag(lag), e.JointStop((-0.3,), (0.4,), 0.0))
-    batch = rde.BatchSimulator(rde.Scene(LINK, effects, control_dt=0.5, **how), 1)
-    batch.set_state([[0.39]], [[0.0]])
-    for _ in range(4):
-        batch.advance([[3.0]])
-    assert batch.q[0, 0] == 0.4
-    assert batch.qd[0, 0] == 0.0
+    scene = rde.Scene(LINK, effects, control_dt=0.5, **how)
+    batch, _ = advanced(scene, [[0.39]], [[0.0]], [[3.0]], intervals=4)
+    assert (batch.q[0, 0], batch.qd[0, 0]) == (0.4, 0.0)
     effort = batch.z[0, 0]
     batch.advance_partly([[-3.0]], 0.02)
     assert (batch.q[0, 0], batch.qd[0, 0]) == (0.4, 0.0)
@@ -291,15 +272,12 @@ def test_a_joint_at_rest_on_its_stop_keeps_it_while_the_arm_moves():
 
 @pytest.mark.long
 def test_stops_of_sliders_alone_are_those_of_prismatic_stop():
-    moved = []
-    for stop in (
-        e.JointStop((None, 0.0, None, 0.0), (None, 0.3, None, 0.3), 0.5),
-        e.PrismaticStop((0.0, 0.0), (0.3, 0.3), 0.5),
-    ):
-        scene = rde.Scene(RPRP, (e.Gravity(), e.CoulombFriction(0.1), stop))
-        qd = np.linspace(-3.0, 3.0, 16).reshape(4, 4)
-        moved.append(advanced(scene, np.tile([0.3, 0.1, 0.2, 0.2], (4, 1)), qd, intervals=30)[0].q)
-    assert np.array_equal(*moved)
+    q, qd = np.tile([0.3, 0.1, 0.2, 0.2], (4, 1)), np.linspace(-3.0, 3.0, 16).reshape(4, 4)
+    one, other = (
+        advanced(rde.Scene(RPRP, (e.Gravity(), e.CoulombFriction(0.1), stop)), q, qd, intervals=30)[0]
+        for stop in (e.JointStop((None, 0.0, None, 0.0), (None, 0.3, None, 0.3), 0.5), stops(RPRP))
+    )
+    assert np.array_equal(one.q, other.q)
 
 
 @pytest.mark.long
