@@ -34,8 +34,8 @@ def rates(arm):
     return arm.motor_map.T @ QD0
 
 
-def last(arm):
-    return (arm.motor_map.T @ Q0)[3]
+def phi(arm):
+    return arm.motor_map.T @ Q0
 
 
 def antagonists(arm):
@@ -46,7 +46,7 @@ def antagonists(arm):
 
 BEGUN = {
     "efforts": (lambda arm: (), lambda arm: COMMANDS),
-    "user's spring": (lambda arm: (StiffeningSpring(8.0),), lambda arm: (0, 0, 0, -8.0 * last(arm) ** 3)),
+    "user's spring": (lambda arm: (StiffeningSpring(8.0),), lambda arm: (0, 0, 0, -8.0 * phi(arm)[3] ** 3)),
     "viscous friction": (lambda arm: (e.ViscousFriction(DAMPING),), lambda arm: -DAMPING * rates(arm)),
     "torques": (lambda arm: (e.JointTorque(step=tuple(JOINTS)),), lambda arm: JOINTS),
     "periodic torques": (
@@ -55,9 +55,7 @@ BEGUN = {
     ),
     "antagonists, twice as stiff": (
         antagonists,
-        lambda arm: (
-            -2.0 * 400.0 * (arm.motor_map.T @ Q0)[1:] @ ARMS_OF_TENDON * np.array((0, *ARMS_OF_TENDON))
-        ),
+        lambda arm: -2.0 * 400.0 * phi(arm)[1:] @ ARMS_OF_TENDON * np.array((0, *ARMS_OF_TENDON)),
     ),
     "force at the tip": (
         lambda arm: (e.TipForce(step=tuple(TIP)),),
@@ -81,17 +79,15 @@ def test_a_motion_begins_with_the_acceleration_of_an_effect(robot, what):
     assert np.abs((batch.qd[0] - QD0) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
 
 
-K, LOWER, UPPER = np.array((20.0, 31.0)), np.array((0.05, -0.1)), np.array((0.3, 0.25))
-
-
 def test_centring_springs_are_those_of_the_report():
     """k (r - r_max) + k (r - r_min) on the left-hand side of H2 and H4 (1.3), and PE of 1.1, J."""
-    scene = rde.Scene(RPRP, (e.CentringSpring(K, LOWER, UPPER),), "euler", control_dt=1e-3)
+    k, lower, upper = np.array((20.0, 31.0)), np.array((0.05, -0.1)), np.array((0.3, 0.25))
+    scene = rde.Scene(RPRP, (e.CentringSpring(k, lower, upper),), "euler", control_dt=1e-3)
     r, batch = Q0[[1, 3]], advanced(scene, Q0, QD0)[0]
-    first, second = K * (r - UPPER) + K * (r - LOWER)
+    first, second = k * (r - upper) + k * (r - lower)
     qdd = RPRP.forward_dynamics(Q0, QD0, np.array([0.0, -first, 0.0, -second]), 0.0)
     assert np.abs((batch.qd[0] - QD0) / 1e-3 - qdd).max() <= 1e-11 * np.abs(qdd).max()
-    stretched = 0.5 * (K * (UPPER - r) ** 2 + K * (LOWER - r) ** 2).sum()
+    stretched = 0.5 * (k * (upper - r) ** 2 + k * (lower - r) ** 2).sum()
     assert potential_energy(scene, Q0) == pytest.approx(stretched, rel=1e-14)
 
 
@@ -109,28 +105,22 @@ def test_effort_limits_saturate(robot):
     assert (np.abs(limited - unlimited).max(axis=1)[[0, 1, 3]] > 0.01).all()
 
 
-TILTS = ((0.0, 0.0), (0.7, 0.0), (0.7, 1.9), (-1.2, -2.5), (math.pi, 0.3), (math.pi / 2, 0.3))
-
-
 @EVERY
 def test_gravity_on_any_plane(robot):
     """A tilted and rolled plane is a vertical one with g cos(tilt), seen from axes turned by roll."""
+    tilts = ((0.0, 0.0), (0.7, 0.0), (0.7, 1.9), (-1.2, -2.5), (math.pi, 0.3), (math.pi / 2, 0.3))
     angles = np.array([0.0 if p else 1.0 for p in robot.prismatic])
     scene = rde.Scene(robot, (e.Gravity(9.81),), control_dt=0.01)
-    tilted = [e.Gravity.on_plane(9.81, tilt, roll) for tilt, roll in TILTS]
-    plain = [e.Gravity(9.81 * math.cos(tilt)) for tilt, _ in TILTS]
-    turned = np.array([roll * angles for _, roll in TILTS])
-    a, b = (
-        advanced(scene, Q0 + turn, QD0, change=change, intervals=30)[0]
-        for turn, change in (
-            (turned, {"gravity.down": [x.down for x in tilted]}),
-            (0.0 * turned, {"gravity.g": [x.g for x in plain]}),
-        )
-    )
+    tilted = [e.Gravity.on_plane(9.81, tilt, roll) for tilt, roll in tilts]
+    plain = [e.Gravity(9.81 * math.cos(tilt)) for tilt, _ in tilts]
+    turned = np.array([roll * angles for _, roll in tilts])
+    down, g = {"gravity.down": [x.down for x in tilted]}, {"gravity.g": [x.g for x in plain]}
+    a, _ = advanced(scene, Q0 + turned, QD0, change=down, intervals=30)
+    b, _ = advanced(scene, [Q0] * len(tilts), QD0, change=g, intervals=30)
     assert np.abs(a.q - turned - b.q).max() <= 1e-11
     assert np.abs(a.qd - b.qd).max() <= 1e-10
     assert np.abs(b.q[1:] - b.q[0]).max(axis=1)[[0, 2, 3]].min() > 0.01
-    for i in range(len(TILTS)):
+    for i in range(len(tilts)):
         own = potential_energy(rde.Scene(robot, (tilted[i],)), a.q[i])
         assert own == pytest.approx(robot.potential_energy(b.q[i], plain[i].g), rel=1e-10, abs=1e-10)
 
@@ -253,8 +243,6 @@ def test_a_function_whose_code_is_replaced_is_the_new_one(made, replace, monkeyp
         assert acts_as(shape, force, bind)
 
 
-# ---- what is written instead of functions that are called by habit ---------------------------------
-
 NAMES = {name: getattr(algebra, name) for name in (*PRIMITIVES, "clamp", "squash", "sincos", "logical_not")}
 INSTEAD = {
     "tanh": np.tanh, "sign": np.sign, "ceil": np.ceil, "int": np.trunc, "square": np.square,
@@ -269,10 +257,7 @@ def test_what_is_written_instead_is_the_same_function(name):
     names = [n for n in "abxy" if re.search(rf"\b{n}\b", written)]
     function = physics(eval(f"lambda {', '.join(names)}: {written}", {**NAMES, "__name__": "prompt"}))
     dialect.check(function)
-    values = (
-        np.array([-3.7, -1.0, -0.4, 0.3, 0.5, 2.0, 6.2]),
-        np.array([2.0, -0.7, -0.4, 3.0, 1.0, 2.0, -5.0]),
-    )
-    given = values[: len(names)]
+    values = [[-3.7, -1.0, -0.4, 0.3, 0.5, 2.0, 6.2], [2.0, -0.7, -0.4, 3.0, 1.0, 2.0, -5.0]]
+    given = np.array(values[: len(names)])
     np.testing.assert_allclose(function(*given), INSTEAD[name](*given), rtol=1e-13, atol=1e-15)
     assert isinstance(function(*(0.3, 0.7)[: len(names)]), float)

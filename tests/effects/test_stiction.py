@@ -31,10 +31,6 @@ HELD = 1e6
 """A level that no motor here overcomes."""
 
 
-def joints_at(arm, phi):
-    return np.asarray(phi) @ np.linalg.inv(arm.motor_map)
-
-
 def with_stops(arm, *effects, **how):
     return rde.Scene(arm, (*effects, stops(arm)) if arm.sliders() else effects, **how)
 
@@ -53,8 +49,9 @@ def test_motions_of_another_program(case, how):
     effects = e.Gravity(g), e.CoulombFriction(tuple(case["limits"]))
     if arm.sliders():
         effects = *effects, stops(arm, case["restitution"], case["lower"], case["upper"])
-    batch = rde.BatchSimulator(rde.Scene(arm, effects, control_dt=0.02, **how), track_work=True)
-    batch.set_state(joints_at(arm, case["phi"]), joints_at(arm, case["phid"]))
+    q, qd = np.array([case["phi"], case["phid"]]) @ np.linalg.inv(arm.motor_map)
+    scene = rde.Scene(arm, effects, control_dt=0.02, **how)
+    batch, _ = advanced(scene, q, qd, intervals=0, track_work=True)
     begun = energy(batch, g)
     for efforts in case["efforts"]:
         assert not batch.advance(efforts).numerics.any()
@@ -146,30 +143,25 @@ def test_an_arm_without_friction_falls_from_rest_in_any_pose(arm, level):
 # ---- one joint, whose motion is known -----------------------------------------------------------------
 
 INERTIA = 0.5 * 0.25**2
-
-
-def single(*effects, level=0.7, **how):
-    """The last joint of a 4R alone: the others are held; its inertia is 1/32 kg m^2."""
-    arm = rde.FourR((0.5,) * 4, (0.25,) * 4)
-    joint = e.CoulombFriction((HELD, HELD, HELD, level))
-    return rde.Scene(arm, (joint, *effects), **(how or {"integrator": "dop853"}))
-
-
+SINGLE = rde.FourR((0.5,) * 4, (0.25,) * 4)
+"""An arm of whose joints all but the last are held; its inertia is 1/32 kg m^2."""
 SLIDER = rde.Chain("P", (2.0,), ())
 
 
-def alone(restitution=0.5, level=1.0, **how):
+def alone(restitution=0.5, **how):
     """A mass of 2 kg between stops at 0 and 0.3 m, with dry friction."""
-    return rde.Scene(SLIDER, (e.CoulombFriction(level), stops(SLIDER, restitution)), **how)
+    return rde.Scene(SLIDER, (e.CoulombFriction(1.0), stops(SLIDER, restitution)), **how)
 
 
 @pytest.mark.parametrize("at_stop", [False, True])
 def test_a_joint_is_torn_loose_at_the_time_at_which_its_limit_is_passed(at_stop):
     """A lagged pull passes friction, also that of a slider at its stop; the later motion tells the time."""
-    f, u, T, t = (1.0, 1.6, 0.05, 1e-4) if at_stop else (0.7, 1.1, 0.05, 1e-4)
-    scene, m, q, efforts = (
-        (alone(level=f), 2.0, [0.3], [-u]) if at_stop else (single(level=f), INERTIA, [0.0] * 4, [0, 0, 0, u])
-    )
+    T, t = 0.05, 1e-4
+    if at_stop:
+        scene, f, u, m, q, efforts = alone(), 1.0, 1.6, 2.0, [0.3], [-1.6]
+    else:
+        scene, f, u, m = rde.Scene(SINGLE, (e.CoulombFriction((HELD, HELD, HELD, 0.7)),)), 0.7, 1.1, INERTIA
+        q, efforts = [0.0] * 4, [0.0, 0.0, 0.0, 1.1]
     release = -T * np.log(1.0 - f / u)
     made = rde.Scene(scene.robot, (*scene.effects, e.Lag(T)), integrator="dop853", control_dt=release + t)
     batch, _ = advanced(made, q, np.zeros(len(q)), efforts)
@@ -202,7 +194,7 @@ falling = physics(
 
 @pytest.mark.parametrize(("effort", "moves"), [(0.69, False), (0.71, True)])
 def test_the_limit_at_rest_is_that_of_static_friction(effort, moves):
-    made = rde.Scene(single().robot, (Falling(),), integrator="dop853")
+    made = rde.Scene(SINGLE, (Falling(),), integrator="dop853")
     batch, _ = advanced(made, np.zeros(4), np.zeros(4), (0.0, 0.0, 0.0, effort))
     assert bool(batch.qd.any()) is moves
 
@@ -213,7 +205,7 @@ def test_the_limit_at_rest_is_that_of_static_friction(effort, moves):
 def test_a_joint_that_slips_loses_what_the_limit_at_its_speed_takes(rate, how):
     """v' = -(f + c v) / J, until v is 0: v + f / c decays."""
     f, c, t = 0.5, 0.3, 0.02
-    made = rde.Scene(single().robot, (Falling(f, 0.0, c),), control_dt=t, **how)
+    made = rde.Scene(SINGLE, (Falling(f, 0.0, c),), control_dt=t, **how)
     batch, _ = advanced(made, np.zeros(4), (0, 0, 0, rate))
     expected = (2.0 + f / c) * np.exp(-c * t / INERTIA) - f / c
     assert batch.qd[0, 3] == pytest.approx(np.sign(rate) * expected, rel=1e-11)
@@ -258,6 +250,3 @@ def test_how_low_a_bounce_ends_in_rest_follows_from_the_tolerance(tolerance, bou
     scene = rde.Scene(rde.Chain("P", (1.0,)), effects, control_dt=1.2e-5, tolerance=tolerance)
     batch, _ = advanced(scene, [[0.0]], [[np.sqrt(2.0 * 10.0 * 1e-10)]], [[-10.0]])
     assert bool(batch.qd[0, 0]) is bounces
-
-
-# ---- whole arms ---------------------------------------------------------------------------------------
