@@ -43,9 +43,7 @@ NEEDS = {
     "initial": ("update",), "rate": ("derivative",),
 }  # fmt: skip
 """Functions without which a hook or a state cannot have another one."""
-KINDS = (
-    e.Field, e.Force, e.Impulse, e.Actuation, e.Friction, e.Gap, e.Sensing, e.Instant, e.State,
-)  # fmt: skip
+KINDS = e.Field, e.Force, e.Impulse, e.Actuation, e.Friction, e.Gap, e.Sensing, e.Instant, e.State
 PARTS = [(kind, field) for kind in KINDS for field in function_fields(kind) if field != "closed"]
 """All functions but closed forms, which have rules of their own: ``tests/lane/test_states_of_effects.py``."""
 EVERY = pytest.mark.parametrize(("kind", "field"), PARTS, ids=lambda x: getattr(x, "__name__", x))
@@ -218,19 +216,12 @@ def test_an_effect_of_two_stops_may_leave_an_end_out(numbers):
 # ---- what is drawn, timed or counted -----------------------------------------------------------------
 
 GENERATOR, COUNTER, SEEN = np.random.default_rng(1), itertools.count(), []
-
-
-def grown():
-    SEEN.append(0.0)
-    return float(len(SEEN))
-
-
 DRAWS = {
     "random": random.random, "one percent": lambda: 1.0 + (random.random() < 0.01),
     "numpy": np.random.randn, "generator": lambda: GENERATOR.normal(),
     "new generator": lambda: np.random.default_rng().random(), "time": time.time,
     "urandom": lambda: os.urandom(4)[0] * 1.0, "counter": lambda: next(COUNTER) * 1.0,
-    "list that grows": grown,
+    "list that grows": lambda: SEEN.append(0.0) or float(len(SEEN)),
 }  # fmt: skip
 
 

@@ -57,10 +57,10 @@ falling, knock = physics(lambda z: -z), physics(lambda k: k)
 told, of_draw = physics(lambda reading: reading), physics(lambda normal1: normal1)
 
 
-def attached(*hooks, arm=FOUR_R, **body):
+def attached(*hooks, **body):
     """A scene with an effect of one number that has some hooks."""
     own = {"__annotations__": {"k": float}, "k": 1.0, "hooks": lambda self, arm: hooks, **body}
-    return rde.Scene(arm, (dataclass(frozen=True)(type("Odd", (e.Effect,), own))(),))
+    return rde.Scene(FOUR_R, (dataclass(frozen=True)(type("Odd", (e.Effect,), own))(),))
 
 
 def state(name="z", **given):
@@ -113,9 +113,8 @@ KEYS = ("my spring", "1st", "", "a..b", 3, "a-b")
 
 
 def named(key, field):
-    return type(
-        "Odd", (e.Effect,), {"key": key, "parameters": lambda s: {field: 1.0}, "hooks": lambda s, arm: ()}
-    )()
+    body = {"key": key, "parameters": lambda s: {field: 1.0}, "hooks": lambda s, arm: ()}
+    return type("Odd", (e.Effect,), body)()
 
 
 # ---- effects ------------------------------------------------------------------------------------------
@@ -161,8 +160,6 @@ SCENES = {
         "longest is 20.5 s", "1026 kept commands; at most 1024 are: give a longest below 20.48 s",
     ),
 }  # fmt: skip
-
-
 NUMBERS = [
     (lambda: e.Gravity(9.81, (0.0, -1.1)), "Gravity.down is (0.0, -1.1)"),
     (lambda: e.Gravity.on_plane(9.81, NAN), "tilt is nan"),
@@ -212,10 +209,6 @@ def lanes():
     return rde.BatchSimulator(rde.Scene(FOUR_R, effects, "euler"), 2)
 
 
-def set_in_lanes(name):
-    lanes().set_parameters({name: LANES[name][0]})
-
-
 @dataclass(frozen=True)
 class Drawn(e.Effect):
     def shapes(self, pose):
@@ -237,7 +230,10 @@ REFUSED = {
     **{f"key {key!r}": (lambda key=key: attached(key=key), "has the key") for key in KEYS},
     **{f"scene: {n}": (lambda a=arm, x=x: rde.Scene(a, x), *w) for n, (arm, x, *w) in SCENES.items()},
     **{f"number: {words[0]}": (make, *words) for make, *words in NUMBERS},
-    **{f"lane: {n}": (lambda n=n: set_in_lanes(n), *words) for n, (_, *words) in LANES.items()},
+    **{
+        f"lane: {n}": (lambda n=n, value=value: lanes().set_parameters({n: value}), *words)
+        for n, (value, *words) in LANES.items()
+    },
 }  # fmt: skip
 
 
