@@ -5,16 +5,11 @@ from catalogue import COPIES, IDS
 from faces import FACES, GOAL_IDS, KINDS, PLAIN_IDS
 
 
-def fixture(name, values, ids=None):
-    @pytest.fixture(params=values, name=name, ids=ids)
-    def one(request):
-        return request.param
-
-    return one
+def fixture(values, ids=None):
+    return pytest.fixture(params=values, ids=ids)(lambda request: request.param)
 
 
-env_id, plain_id = fixture("env_id", IDS), fixture("plain_id", PLAIN_IDS)
-goal_id = fixture("goal_id", GOAL_IDS)
-kind, face = fixture("kind", KINDS), fixture("face", FACES)
+env_id, plain_id, goal_id = fixture(IDS), fixture(PLAIN_IDS), fixture(GOAL_IDS)
+kind, face = fixture(KINDS), fixture(FACES)
 WAYS = ("deepcopy", "pickle", "cloudpickle")
-way = fixture("way", [COPIES[name] for name in WAYS], WAYS)
+way = fixture([COPIES[name] for name in WAYS], WAYS)

@@ -46,12 +46,6 @@ def same_buffer(env, result):
     return (kept, *result[1:])
 
 
-def without_reset_infos(env, reset, seed, options):
-    obs = reset()
-    env.reset_infos = None
-    return obs
-
-
 def of_ends(**changes):
     """Steps whose infos have other entries where an episode ended."""
 
@@ -84,7 +78,7 @@ VECTOR = [
 MODE_OF = {"same_step": "same_step", "reset_mask": "disabled"}
 SB3 = [
     ("reset", {"reset": lambda e, reset, s, o: (reset(), {})}),
-    ("reset_infos", {"reset": without_reset_infos}),
+    ("reset_infos", {"reset": lambda e, reset, s, o: (reset(), setattr(e, "reset_infos", None))[0]}),
     ("seed", {"reset": lambda e, reset, s, o: (e.seed(next(CALLS)), reset())[1]}),
     ("step", {"step": lambda e, result: (*result, {})}),
     ("reward", {"step": changed(1, lambda reward: reward.astype(np.float64))}),

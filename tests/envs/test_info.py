@@ -28,8 +28,7 @@ def infos_of(env, steps=STEPS):
     """All infos of some steps and the reset before them."""
     if isinstance(env, gym.Env | gym.vector.VectorEnv):
         return [env.reset(seed=0)[1], *(env.step(action)[-1] for action in actions(env, steps))]
-    env.seed(0)
-    env.reset()
+    begin(env, seed=0)
     told = [info for action in actions(env, steps) for info in env.step(action)[-1]]
     return [*env.reset_infos, *told]
 
@@ -69,19 +68,17 @@ def test_an_info_keeps_the_values_of_its_step():
     assert env.step(actions(env, 1)[0])[4][masks[0]].all()
 
 
-CHOSEN = ("distance", "return_end", "is_success")
-
-
 @pytest.mark.parametrize("kind", FACES)
 def test_info_has_the_keys_that_were_asked_for_with_the_same_values(kind):
     of_sb3 = ("TimeLimit.truncated", "terminal_observation", "episode")
-    few, whole = (made(kind, FOUR_R, info_keys=keys, max_episode_steps=3) for keys in (CHOSEN, "all"))
+    chosen = ("distance", "return_end", "is_success")
+    few, whole = (made(kind, FOUR_R, info_keys=keys, max_episode_steps=3) for keys in (chosen, "all"))
     names = set()
     for one, other in zip(infos_of(few), infos_of(whole), strict=True):
         own = {k: v for k, v in one.items() if k not in of_sb3}
         names |= {k for k in own if not k.startswith("_")}
         assert data_equivalence(own, {k: other[k] for k in own})
-    assert names == {*CHOSEN}
+    assert names == {*chosen}
     assert not infos_of(made(kind, FOUR_R, info_keys=()))[0]
 
 
@@ -236,9 +233,7 @@ def test_arrays_of_options_have_one_row_for_each_environment(kind, count):
         np.testing.assert_array_equal(again, first)
 
 
-@physics
-def blown(strength):
-    return strength
+blown = physics(lambda strength: strength)
 
 
 @dataclass(frozen=True)

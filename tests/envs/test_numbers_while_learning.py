@@ -11,8 +11,6 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 SHORT = 3
 """Control steps of an episode."""
 NEW = {"parameters": {"goal_tolerance": 0.2}}
-
-
 OF_VECTORS = {
     "set_attr": lambda env: env.set_attr("goal_tolerance", 0.2),
     "a list": lambda env: env.set_attr("goal_tolerance", [0.2] * env.num_envs),

@@ -13,7 +13,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 from catalogue import EQUAL, with_example
-from faces import FOUR_R, ID, actions, begin, made
+from faces import FOUR_R, ID, actions, begin, made, with_effects
 from gymnasium.error import DependencyNotInstalled
 from PIL import Image
 
@@ -25,13 +25,6 @@ from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.support import palette
 
 e = rde.effects
-SURROUNDED = rde.load_scene("four_r_reach").to_dict()
-SURROUNDED["effects"] += [
-    {"type": "Payload", "mass": 0.3},
-    {"type": "PickUp", "mass": 0.3, "at": 0.05},
-    {"type": "Disc", "centre": [0.7, 0.5], "radius": 0.2},
-]
-"""A scene whose effects add to the masses of the arm, and show themselves in pictures."""
 
 
 def drawn(env_id=FOUR_R, kind="single", options=None, **kwargs):
@@ -82,10 +75,7 @@ def test_a_missing_pygame_or_display_is_told_at_once(monkeypatch):
 
 def test_two_environments_share_the_window_and_the_last_one_closes_it():
     pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
-    one, other = (
-        gym.make(ID, render_mode="human", render_width=width, disable_env_checker=True)
-        for width in (480, 320)
-    )
+    one, other = (made("single", ID, render_mode="human", render_width=width) for width in (480, 320))
     for env in (one, other):
         env.reset(seed=0)
     one.close()
@@ -142,7 +132,8 @@ def test_a_picture_is_ones_own_and_a_copy_draws_its_own(face):
 
 
 def test_environments_are_drawn_with_numbers_of_their_own():
-    env = drawn(FOUR_R, "next_step", scene=SURROUNDED)
+    more = e.Payload(0.3), e.PickUp(0.3, 0.05), e.Disc((0.7, 0.5), 0.2)
+    env = drawn(FOUR_R, "next_step", scene=with_effects("FourRReach-v0", *more))
     numbers = {"disc.radius": [0.1, 0.2, 0.2], "payload.mass": [0.1, 0.1, 0.3]}
     begin(env, {"q": (0.0, 0.5, 1.0, 0.2), "goal": (0.1, 0.2), "parameters": numbers}, seed=0)
     discs = [(x[:240] == palette.OBSTACLE).all(axis=2).sum() for x in env.render()]
@@ -204,16 +195,11 @@ def test_one_motion_of_a_batch_is_chosen_and_what_cannot_be_drawn_is_refused():
             rde.animate(trajectory, index=chosen)
 
 
-LONG = rde.FourR((1.0,) * 4, (0.5,) * 4)
-POSE = (0.0, 0.5, 1.0, 0.2)
-
-
 def posed(*effects, **states):
     """The picture of an arm at rest with effects, some of whose states have other values."""
-    scene = rde.Scene(LONG, effects)
+    scene = rde.Scene(EQUAL["4R"], effects)
     z = np.array([[states.get(name.partition(".")[2], 0.0) for name in scene.states()]] * 3)
-    moving = rde.animate(dataclasses.replace(still(scene, q=POSE), z=z))
-    return moving.frame(0)
+    return rde.animate(dataclasses.replace(still(scene, q=(0.0, 0.5, 1.0, 0.2)), z=z)).frame(0)
 
 
 def test_obstacles_cables_loads_and_stops_are_drawn():

@@ -171,12 +171,10 @@ def test_infos_of_a_vector_have_what_the_episodes_have_drawn_with_masks(mode):
         np.testing.assert_array_equal(told["_parameters"], mask)
 
 
-OBSERVED = ("gravity.g", "masses", "hold_steps", "effort_limits.limits", "viscous_friction.coefficients[2]")
-
-
 @pytest.mark.long
 def test_observations_end_with_the_numbers_that_are_asked_for(kind):
-    env = made(kind, FOUR_R, scene=drawing(), observe_parameters=OBSERVED)
+    asked = ("gravity.g", "masses", "hold_steps", "effort_limits.limits", "viscous_friction.coefficients[2]")
+    env = made(kind, FOUR_R, scene=drawing(), observe_parameters=asked)
     plain = made(kind, FOUR_R, scene=drawing())
     space = getattr(env, "single_observation_space", env.observation_space)
     np.testing.assert_array_equal(space.low[-11:-5], np.float32([9.0, *[0.4] * 4, 3.0]))
@@ -186,13 +184,13 @@ def test_observations_end_with_the_numbers_that_are_asked_for(kind):
     for seed in range(2):
         observation, other = begin(env, seed=seed), begin(plain, seed=seed)
         found = {name: np.reshape(p.value, (lanes, -1)) for name, p in env.unwrapped.parameters.items()}
-        found[OBSERVED[-1]] = found["viscous_friction.coefficients"][:, [2]]
-        rows = np.hstack([found[name] for name in OBSERVED]).astype(np.float32)
+        found[asked[-1]] = found["viscous_friction.coefficients"][:, [2]]
+        rows = np.hstack([found[name] for name in asked]).astype(np.float32)
         np.testing.assert_array_equal(np.atleast_2d(observation)[:, -11:], rows)
         np.testing.assert_array_equal(observation[..., :-11], other)
         action = actions(env, 1)[0]
         np.testing.assert_array_equal(np.atleast_2d(env.step(action)[0])[:, -11:], rows)
-    fixed = made(kind, FOUR_R, scene=drawing(), observe_parameters=OBSERVED, randomize=False)
+    fixed = made(kind, FOUR_R, scene=drawing(), observe_parameters=asked, randomize=False)
     assert fixed.observation_space == env.observation_space
     expected = np.float32([9.81, *[0.5] * 4, 10, 20, 12, 8, 4, 0.2])
     assert (begin(fixed)[..., -11:] == expected).all()

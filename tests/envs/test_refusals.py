@@ -11,7 +11,6 @@ from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
 from redundant_envs.model import memory
-from redundant_envs.simulator.lane.fields import PARAMETER
 
 GOAL_ID = "redundant_envs/RPRPGoalReach-v0"
 SCENE = rde.load_scene("rprp_reach").to_dict()
@@ -253,13 +252,9 @@ def test_states_of_another_kind_or_number_of_environments():
 
 def tampered(env, name, value):
     """A state of an environment in which the first lane has another number."""
-    state, memory = env.get_state(), env.core.memory
-    space, row = memory.layout.row_of(name)
-    key = "parameters" if space == str(PARAMETER) else "states"
-    numbers = state[key].copy()
-    block = numbers[: memory.arrays[space].size].reshape(memory.arrays[space].shape)
-    block[0, row, 0] = value
-    return {**state, key: numbers}
+    twin = copy.deepcopy(env)
+    twin.core.memory.write((name,), value, np.array([0]))
+    return twin.get_state()
 
 
 CHANGES = {

@@ -32,16 +32,8 @@ def test_checkers_pass_without_a_warning(env_id):
         rde.check_vec_env(made("sb3", env_id, 5))
 
 
-class Name(enum.StrEnum):
-    SCENE = "four_r_weak"
-    DISTANCE = "distance"
-
-
-class Steps(enum.IntEnum):
-    FEW = 3
-    WIDE = 64
-
-
+Name = enum.StrEnum("Name", {"SCENE": "four_r_weak", "DISTANCE": "distance"})
+Steps = enum.IntEnum("Steps", {"FEW": 3, "WIDE": 64})
 FREE = drawing()
 AS_USERS_WRITE = {
     "a path": {"scene": config_folder("scenes") / "four_r_reach.yaml"},

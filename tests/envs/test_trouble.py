@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from faces import ID, begin, flat, made
+from faces import ID, begin, flat, made, with_effects
 from gymnasium.error import ResetNeeded
 
 import redundant_envs as rde
@@ -16,7 +16,6 @@ from redundant_envs.envs.face import observation_of
 PAGE = (Path(__file__).parents[2] / "docs" / "trouble.md").read_text(encoding="utf-8")
 ZERO = np.zeros(4, np.float32)
 NAN = np.array([0.0, np.nan, 0.0, 0.0], np.float32)
-FAST, FASTER, BEYOND_BOUND = (1e10, 0.0, 0.0, 0.0), (1e30, 0.0, 0.0, 0.0), (150.0, 0.0, 0.0, 0.0)
 COLUMNS = {"single": "Reach", "vector": "Reach", "goal": "GoalReach", "SB3": "Reach"}
 """Columns of the page, and the tasks of their environments."""
 KINDS = {"single": "single", "vector": "next_step", "goal": "single", "SB3": "sb3"}
@@ -47,9 +46,8 @@ def of_actions(*actions, **make):
 
 
 FOUR_R = rde.load_scene("four_r_reach").to_dict()
-SPRING = {"type": "LimitSpring", "lower": -1.0, "upper": 1.0, "stiffness": 1.0, "damping": 0.1}
-SPRINGS = [{**SPRING, "coordinate": joint} for joint in ("joint1", "joint3")]
-SPRUNG = {**FOUR_R, "effects": [*FOUR_R["effects"], *SPRINGS]}
+SPRINGS = (rde.effects.LimitSpring(joint, -1.0, 1.0, 1.0, 0.1) for joint in ("joint1", "joint3"))
+SPRUNG = with_effects("FourRReach-v0", *SPRINGS)
 ADAPTIVE = {**FOUR_R, "integrator": "dop853", "tolerance": None}
 COARSE = {**FOUR_R, "integrator": "euler", "substeps": 1, "tolerance": None}
 UPPER = {"prismatic_stop.upper": (0.05, 0.2)}
@@ -100,11 +98,11 @@ TROUBLES = {
     ),
     "another length of a link": each("parameters", {"lengths": 0.3}, harmless=True),
     '`on_bad_action="ignore"`': [trouble({"on_bad_action": "ignore"})],
-    "a state that is not finite": each("qd", FAST),
+    "a state that is not finite": each("qd", (1e10, 0.0, 0.0, 0.0)),
     "a motion too large to be observed": [
         trouble({"scene": COARSE}, {"qd": (1e16, 0.0, 0.0, 0.0)}, arms=("FourR",))
     ],
-    "a velocity beyond the speed bound": each("qd", BEYOND_BOUND),
+    "a velocity beyond the speed bound": each("qd", (150.0, 0.0, 0.0, 0.0)),
     "a tolerance that is not reached": [
         trouble(
             {"accuracy": 1e-13, "task": {"speed_bound": 1e6}}, {"qd": (1e4, -1e4, 1e4, -1e4)},
@@ -116,7 +114,7 @@ TROUBLES = {
             options={"qd": (0, 1e5, 0, 0), "parameters": {"prismatic_stop.restitution": 1.0}}, arms=("RPRP",)
         )
     ],
-    "dop853 finds no accurate step": [trouble({"scene": ADAPTIVE}, {"qd": FASTER}, arms=("FourR",))],
+    "dop853 finds no accurate step": [trouble({"scene": ADAPTIVE}, {"qd": (1e30, 0, 0, 0)}, arms=("FourR",))],
     "an angle that turns beyond 1e6 rad": [
         trouble(options={"q": (1e6, 0, 0, 0), "qd": (40.0, 0, 0, 0)}, actions=(ZERO, ZERO), arms=("FourR",))
     ],
