@@ -72,8 +72,6 @@ def test_a_bare_arm_has_no_file_of_effects():
     assert "motor_map" not in rde.listing(scene(actuation="generalized"))
 
 
-# ---- every operation is listed under its source --------------------------------------------------
-
 PLACE = re.compile(r"  # (?P<function>\S+?)(?: for (?P<owner>\S+))?, (?P<file>.+):(?P<line>\d+)")
 OPERATION = re.compile(r"  %\d+ = (?P<name>\S+) .+")
 

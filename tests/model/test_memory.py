@@ -14,7 +14,8 @@ import redundant_envs as rde
 from redundant_envs.model.memory import Memory
 from redundant_envs.model.programs import batch_simulator
 
-SIMULATOR = batch_simulator(SCENES["stops 1e-6, inelastic"], False)
+STOPS = SCENES["stops 1e-6, inelastic"]
+SIMULATOR = batch_simulator(STOPS, False)
 
 
 def memory_of(count):
@@ -86,11 +87,6 @@ def test_arrays_of_copies_begin_at_cache_lines_too():
     memory = memory_of(9)
     for twin in (memory, *(way(memory) for way in COPIES.values())):
         assert all(array.ctypes.data % 64 == 0 for array in twin.arrays.values() if array.size)
-
-
-# ---- copies are independent; their bits are compared in test_properties.py ---------------------------
-
-STOPS = SCENES["stops 1e-6, inelastic"]
 
 
 NOTEBOOK = """

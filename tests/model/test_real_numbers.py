@@ -3,9 +3,9 @@
 import json
 from dataclasses import dataclass
 
-import gymnasium as gym
 import numpy as np
 import pytest
+from envs.faces import FACES, begin, made
 
 import redundant_envs as rde
 from redundant_envs import effects as e
@@ -32,19 +32,14 @@ NONE = {
 def faces():
     """What sets parameters: the face of two lanes -> a function of a name and its value."""
     batch = rde.BatchSimulator(rde.load_scene(SCENE), 2)
-    env, venv, sb3 = gym.make(ENV), gym.make_vec(ENV, num_envs=2), rde.make_sb3(ENV, num_envs=2)
-
-    def by_sb3(options):
-        sb3.set_options(options)
-        sb3.reset()
-
+    env, venv, sb3 = (made(kind, ENV, 2) for kind in FACES)
     return {
         "batch": lambda name, value: batch.set_parameters({name: value}),
         "a lane": lambda name, value: batch.set_parameters({name: value}, index=[0]),
-        "env": lambda name, value: env.reset(seed=0, options={"parameters": {name: value}}),
-        "vector env": lambda name, value: venv.reset(seed=0, options={"parameters": {name: value}}),
-        "sb3": lambda name, value: by_sb3({"parameters": {name: value}}),
-        "sb3, one by one": lambda name, value: by_sb3([{}, {"parameters": {name: value}}]),
+        "env": lambda name, value: begin(env, {"parameters": {name: value}}),
+        "vector env": lambda name, value: begin(venv, {"parameters": {name: value}}),
+        "sb3": lambda name, value: begin(sb3, {"parameters": {name: value}}),
+        "sb3, one by one": lambda name, value: begin(sb3, [{}, {"parameters": {name: value}}]),
     }
 
 
@@ -58,9 +53,7 @@ def test_parameters_are_real_numbers_on_every_face(faces, face, what):
             faces["sb3"]("gravity.g", 9.81)
 
 
-@physics
-def damping(rate, k):
-    return -k * rate
+damping = physics(lambda rate, k: -k * rate)
 
 
 @dataclass(frozen=True)

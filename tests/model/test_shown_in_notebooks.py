@@ -1,6 +1,5 @@
 """Arms, scenes, trajectories and bills in a notebook: small HTML with escaped texts, whatever they hold."""
 
-import dataclasses
 import re
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,6 +12,7 @@ import redundant_envs as rde
 from redundant_envs.effects import Effect, Force
 from redundant_envs.language.algebra import physics
 from redundant_envs.model.listing import Bill, Operations
+from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.support.notebook import LONGEST_CELL, MAX_BYTES, MAX_ROWS
 
@@ -42,14 +42,10 @@ def page(thing):
     return Page(tags, [x.text for x in elements if x.text and x.tag != "style"])
 
 
-def motion(arm, q, t, **changes):
+def motion(arm, q, t):
     """A trajectory whose numbers are made up."""
-    q, t = np.asarray(q, float), np.asarray(t, float)
-    rest = np.zeros(q.shape[:-1])
-    made = rde.simulate(rde.Scene(arm), np.zeros(len(arm.joints)), np.zeros(len(arm.joints)), [0.0])
-    return dataclasses.replace(
-        made, t=t, q=q, qd=np.zeros_like(q), kinetic_energy=rest, potential_energy=rest, work=rest, **changes
-    )
+    zero, rest = np.zeros(np.shape(q)), np.zeros(np.shape(q)[:-1])
+    return Trajectory(np.asarray(t, float), q, zero, rest, rest, rest, zero, rde.Scene(arm))
 
 
 @pytest.mark.parametrize(
@@ -76,21 +72,12 @@ def test_the_links_of_a_drawing_have_the_lengths_of_the_arm():
     np.testing.assert_allclose(drawn / drawn.sum(), np.array(FOUR_R.lengths) / sum(FOUR_R.lengths), atol=2e-3)
 
 
-@physics(gives="x1 y1 x2 y2")
-def links(l1, l2, s1, c1, s2, c2):
-    return l1 * c1, l1 * s1, l1 * c1 + l2 * c2, l1 * s1 + l2 * s2
-
-
 @dataclass(frozen=True)
-class Hostile(rde.Arm):
-    joint_types = "RR"
-    functions = (links,)
+class Hostile(rde.FourR):
     kind = HOSTILE
 
 
-@physics
-def push(size):
-    return size
+push = physics(lambda size: size)
 
 
 @dataclass(frozen=True)
@@ -111,10 +98,10 @@ class Push(Effect):
 
 
 def test_texts_of_users_are_escaped():
-    arm = Hostile((1.0, 1.0), (0.4, 0.3))
+    arm = Hostile(FOUR_R.masses, FOUR_R.lengths)
     found = page(rde.Scene(arm, (Push(1.5),)))
     assert found.cells.count(HOSTILE) == 2  # of the arm, and a unit
-    for thing in (arm, motion(arm, np.zeros((3, 2)), [0.0, 1.0, 2.0]), Bill({HOSTILE: Operations()})):
+    for thing in (arm, motion(arm, np.zeros((3, 4)), [0.0, 1.0, 2.0]), Bill({HOSTILE: Operations()})):
         assert HOSTILE in page(thing).cells
 
 

@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import gc
+import itertools
 import signal
 import sys
 import threading
@@ -37,14 +38,11 @@ def test_threads_end_with_their_simulator_and_its_copies():
 
 def interrupted(call, place):
     """Interrupt a call where Python does: at the beginning of functions, and after those in C."""
-    left = place
+    places = itertools.count(1)
 
     def look(frame, event, argument):
-        nonlocal left
-        if event in ("call", "c_return"):
-            left -= 1
-            if left == 0:
-                raise KeyboardInterrupt
+        if event in ("call", "c_return") and next(places) == place:
+            raise KeyboardInterrupt
 
     sys.setprofile(look)
     try:

@@ -8,10 +8,11 @@ import pickle
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from envs.faces import FACES, GOAL_IDS, actions, begin, flat, made
+from envs.faces import FACES, GOAL_IDS, actions, begin, flat, made, running
 from gymnasium.error import NoAsyncCallError
 
 import redundant_envs as rde
@@ -34,13 +35,7 @@ def refused(call):
 
 def told(call):
     """What another thread is told by a call; None if it comes back."""
-    found = []
-    thread = threading.Thread(target=lambda: found.append(refused(call)))
-    thread.start()
-    thread.join(20.0)
-    assert not thread.is_alive()
-    assert found, "the call has raised another error"
-    return found[0]
+    return ThreadPoolExecutor(1).submit(refused, call).result(20.0)
 
 
 @alone
@@ -130,8 +125,7 @@ def test_at_no_line_of_a_call_a_signal_handler_is_let_in(kind):
 @pytest.mark.parametrize("kind", FACES)
 def test_a_copy_is_of_one_moment(kind):
     """Another thread goes on while the environment is written."""
-    env = made(kind)
-    begin(env)
+    env = running(kind)
     before, (action, later) = copy.deepcopy(env), actions(env, 2)
 
     class Slow(pickle.Pickler):
@@ -149,8 +143,7 @@ def test_a_copy_is_of_one_moment(kind):
 
 @pytest.mark.parametrize("kind", FACES)
 def test_a_copy_of_a_copy_has_one_memory(kind):
-    env = made(kind)
-    begin(env)
+    env = running(kind)
     env.itself, env.call_it = [env], env.get_state
     for again in (copy.deepcopy, copy.copy, lambda x: pickle.loads(pickle.dumps(x))):
         one = again(again(env))
@@ -173,8 +166,7 @@ def test_a_thread_is_refused_while_another_one_is_in_machine_code():
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 @pytest.mark.parametrize("kind", FACES)
 def test_errors_and_interrupts_leave_nothing_in_use(kind, error, monkeypatch):
-    env = made(kind)
-    begin(env)
+    env = running(kind)
     (action,) = actions(env, 1)
 
     def stop(*_):

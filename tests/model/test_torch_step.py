@@ -65,24 +65,16 @@ def test_gradients_agree_with_central_differences(arm, steps):
 
     leaves = [x.clone().requires_grad_() for x in given]
     error(*leaves).backward()
-    for k, leaf in enumerate(leaves):
-        direction = torch.ones_like(given[k])
-        moved = [
-            error(*(x + sign * 1e-5 * direction if j == k else x for j, x in enumerate(given)))
-            for sign in (1.0, -1.0)
-        ]
-        difference = float(moved[0] - moved[1]) / 2e-5
-        gradient = float((leaf.grad * direction).sum())
-        assert gradient == pytest.approx(difference, rel=1e-6, abs=1e-7)
+    for k, leaf in enumerate(leaves):  # all numbers of one move together
+        ends = [error(*(x + by if j == k else x for j, x in enumerate(given))) for by in (1e-5, -1e-5)]
+        difference = float(ends[0] - ends[1]) / 2e-5
+        assert float(leaf.grad.sum()) == pytest.approx(difference, rel=1e-6, abs=1e-7)
 
 
 @pytest.mark.parametrize(
     ("scene", "said"),
     [
-        (
-            rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)),
-            "prismatic_stop, whose impacts",
-        ),
+        (rde.Scene(RPRP, (e.PrismaticStop((0.0, 0.0), (1.0, 1.0)),)), "prismatic_stop, whose impacts"),
         (rde.Scene(FOUR_R, (e.CoulombFriction(0.1),)), "coulomb_friction, whose joints stick .* SmoothCou"),
         (rde.Scene(RPRP, (), "dop853"), "'dop853', which chooses each step while it runs; use 'rk8'"),
     ],
@@ -164,18 +156,10 @@ def test_wrong_arguments_are_named(change, said):
         rde.torch_step(rde.Scene(FOUR_R))(**{**given, **change})
 
 
-CARRYING = (
-    e.Gravity(),
-    e.Lag(0.03),
-    e.CommandDelay(0.013, 0.04),
-    e.PickUp(0.7, 0.02),
-    e.TipForce(density=0.5),
-)
-
-
 @pytest.mark.parametrize("how", [{"integrator": "rk4", "substeps": 3}, {"tolerance": 1e-6}], ids=str)
 def test_states_of_effects_and_draws_are_those_of_the_simulator(how):
-    scene = rde.Scene(FOUR_R, CARRYING, **how)
+    motors = e.Lag(0.03), e.CommandDelay(0.013, 0.04)
+    scene = rde.Scene(FOUR_R, (e.Gravity(), *motors, e.PickUp(0.7, 0.02), e.TipForce(density=0.5)), **how)
     batch, step, (q, qd, efforts) = rde.BatchSimulator(scene, 12), rde.torch_step(scene), start(FOUR_R)
     batch.set_state(q.numpy(), qd.numpy())
     z, draws = torch.tensor(batch.z), torch.tensor(batch.draws)
