@@ -46,24 +46,18 @@ def with_number(name):
     return dataclasses.make_dataclass("OddTask", [(name, float, 1.0)], bases=(ReachTask,), **body)()
 
 
-def with_function(name, **body):
-    return task_of(functions=lambda *own: (*ReachTask.functions(*own), helper(name, "distance")), **body)
-
-
-def with_metric(*names):
-    return task_of(metrics=(*ReachTask.metrics, *names))
-
-
 TASKS = {
     "number": with_number,
     "memory": lambda name: task_of(
         memory=(*ReachTask.memory, name), updates={**ReachTask.updates, name: "distance"}
     ),
-    "function": with_function,
+    "function": lambda name: task_of(
+        functions=lambda *own: (*ReachTask.functions(*own), helper(name, "distance"))
+    ),
     "term": lambda name: task_of(
         reward_functions=lambda *own: (*ReachTask.reward_functions(*own), helper(name, "speed"))
     ),
-    "metric": lambda name: with_metric(name),
+    "metric": lambda name: task_of(metrics=(*ReachTask.metrics, name)),
     "angle": lambda name: task_of(angles={**ReachTask.angles, "speed": (name, "odd_c")}),
 }
 
@@ -111,7 +105,8 @@ def test_a_metric_has_no_name_of_what_every_step_shows(name):
 @pytest.mark.long
 def test_a_metric_may_be_a_quantity_of_the_arm_an_effect_or_the_task():
     shown = ("alpha1", "m1", "gravity_g", "lag_chain__effort__2", "hold", "start_angle", "phid2")
-    rde.register_task(type("ShownTask", (type(with_metric(*shown)),), {"name": "Shown"}))
+    body = {"name": "Shown", "metrics": (*ReachTask.metrics, *shown)}
+    rde.register_task(type("ShownTask", (ReachTask,), body))
     data = rde.load_scene(rrp.SCENE).to_dict()
     data["effects"].append({"type": "LagChain", "time_constant": 0.04})
     env = gym.make("redundant_envs/RRPShown-v0", scene=data).unwrapped

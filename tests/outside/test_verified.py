@@ -43,10 +43,9 @@ def misses(thing, checks=EQUATIONS, effects=GRAVITY, states=24, seed=0, **step):
 
 
 def wrong(kind, name, new=None):
-    """An arm like another: a quantity, or what a function that gives it makes of the right values, is wrong.
+    """An arm like another with a wrong function, which gives a quantity or has this name in the class.
 
-    ``name`` may be that of a function of the class as well; without ``new`` the quantity is off by a
-    millionth.
+    ``new`` makes wrong values of its arguments and right ones; without it one is off by a millionth.
     """
     right = next((f for f in kind.functions if name in gives_of(f)), None) or getattr(kind, name)
     takes, gives = arguments_of(right), gives_of(right)
@@ -147,9 +146,6 @@ def test_every_check_of_equations_is_seen_red():
 
 # ---- wrong motions -------------------------------------------------------------------------------------
 
-STOP = e.PrismaticStop((0.0,), (0.3,), 0.5)
-
-
 MOTIONS = {
     "a motor without its reaction": ("motors", checks("momentum"), {"momentum"}),
     "a force that turns with the velocities": (
@@ -167,7 +163,8 @@ MOTIONS = {
 @pytest.mark.quick("a motor without its reaction")
 @pytest.mark.parametrize(("fault", "checks", "red"), MOTIONS.values(), ids=MOTIONS)
 def test_a_wrong_motion_is_red_and_named(fault, checks, red):
-    effects = (*GRAVITY, STOP) if "impacts: velocities" in red else GRAVITY
+    stop = e.PrismaticStop((0.0,), (0.3,), 0.5)
+    effects = (*GRAVITY, stop) if "impacts: velocities" in red else GRAVITY
     assert misses(FAULTS[fault][0], checks, effects) == red
 
 
