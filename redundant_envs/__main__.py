@@ -39,14 +39,12 @@ def verify(options: argparse.Namespace) -> int:
     from redundant_envs.verify import report
 
     if options.bits:
-        others = ("subject", "states", "mode", "json")
-        given = [name for name in others if getattr(options, name)]
+        given = [name for name in ("subject", "states", "mode", "json") if getattr(options, name)]
         if given:
             raise ValueError(f"--bits looks at the record alone; leave out {', '.join(given)}")
         return report.compare_bits(options.bits == "all")
-    files = [file for file in (options.json,) if file is not None]
     modules = [Path(f"{word.partition(':')[0].replace('.', '/')}.py") for word in options.subject]
-    check_kept(files, options.force, [*map(Path, options.subject), *modules])
+    check_kept(filter(None, [options.json]), options.force, [*map(Path, options.subject), *modules])
     return report.run(options.subject, options.states, options.mode or "standard", options.json)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -76,9 +75,6 @@ def _shown(values: Iterable[Value], names: dict[Operation, str]) -> Iterator[str
             yield names[value]
         elif isinstance(value, bool):
             yield str(int(value))
-        elif math.isnan(value):
-            yield "NAN"
-        elif math.isinf(value):
-            yield "INFINITY" if value > 0.0 else "(-INFINITY)"
         else:
-            yield repr(value) if math.copysign(1.0, value) > 0.0 else f"({value!r})"
+            text = repr(value).replace("nan", "NAN").replace("inf", "INFINITY")
+            yield f"({text})" if text.startswith("-") else text

@@ -53,11 +53,10 @@ def _function(scene: Scene, approximate: bool) -> tuple[Any, list[Note]]:
     values = equations(smooth, *OUTPUTS)
     flat = [value for name in OUTPUTS for value in values[name]]
     found = iter(evaluate(flat, lambda place: inputs[place[0]][place[1]], {**OPERATIONS, **ON_CONDITIONS}))
-    columns = {"M": n, "J": n}
     made = []
     for name in OUTPUTS:
         column = ca.vertcat(*[ca.SX(next(found)) for _ in values[name]])
-        made.append(ca.reshape(column, columns[name], -1).T if name in columns else column)
+        made.append(ca.reshape(column, n, -1).T if name in ("M", "J") else column)
     return ca.Function("dynamics", [*inputs.values()], made, [*INPUTS], [*OUTPUTS]), notes
 
 

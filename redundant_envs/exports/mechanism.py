@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -129,7 +129,7 @@ def _reason(scene: Scene, a: Attached[Any], form: Format, force: Linear | None, 
         return REASONS[type(hook)]
     if hooks.states_of(hook):
         return "it has states of its own"
-    if isinstance(hook, hooks.Field) and a not in scene.attached.constant_fields:
+    if a in scene.attached.moving_fields:
         return "its field changes with time"
     if isinstance(hook, PointMass) and hook.mass[1:] not in a.effect.parameters():
         return "its mass changes"
@@ -186,20 +186,12 @@ def _sums(scene: Scene, forces: Mapping[Attached[Force], Linear]) -> Array:
     return sums
 
 
-def _changed(scene: Scene, least: float) -> float:
-    """By which share the least inertia of a body may change accelerations; in most poses, of an arm whose
-    bounds for all of them are not known."""
-    arm = scene.loaded_robot
-    if arm.mobility_bounds is None:
-        return least * _usual_mobility(scene)
-    values = arm.parameter_values()
-    taken = (values[name] for name in arguments_of(arm.mobility_bounds))
-    return least * float(np.max(arm.mobility_bounds(*taken)))
-
-
-def _usual_mobility(scene: Scene) -> float:
-    """The largest mobility of a joint in most poses, from samples."""
-    arm, travel, numbers = scene.loaded_robot, scene.travel(), scene.parameters()
+def _mobility(scene: Scene) -> float:
+    """The largest mobility of a joint in all poses, by the bounds of the arm; without these in most poses."""
+    arm, travel = scene.loaded_robot, scene.travel()
+    numbers = scene.parameters() | arm.parameter_values()
+    if (bounds := arm.mobility_bounds) is not None:
+        return float(np.max(bounds(*(numbers[name] for name in arguments_of(bounds)))))
     low, high = np.full((2, len(arm.joints)), [[-np.pi], [np.pi]])
     for k in arm.sliders():
         low[k], high[k] = (numbers[name] for name in travel[k]) if k in travel else (0.1, 1.0)
@@ -215,26 +207,25 @@ def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
     for effect in scene.effects:
         if effect.key in unfit:
             written = "left out"
-            if [*_ends_of(scene, effect)]:
+            if _ends_of(scene, effect):
                 written = form.soft_ends
             elif any(isinstance(h, Friction) for h in effect.hooks(scene.robot)):
                 written = "written with its level at rest"
             notes.append(Note(named(effect, scene), unfit[effect.key], written))
     if scene.actuation != "joint" and not form.generalized:
         notes.append(Note("actuation 'generalized'", f"{form.name} has motors at joints alone", "left out"))
-    changed = _changed(scene, form.least)
+    changed = form.least * _mobility(scene)
     if changed > MAX_CHANGED:
         reason = f"a body has {form.least:g} kg m^2 there, which changes accelerations by {changed:.1g}"
         notes.append(Note(f"the small masses of {scene.robot.kind}", reason, "written with it"))
     return notes
 
 
-def _ends_of(scene: Scene, effect: Effect) -> Iterator[tuple[int, str, str]]:
+def _ends_of(scene: Scene, effect: Effect) -> list[tuple[int, str, str]]:
     """Joints whose travel an effect limits, and its numbers with the ends."""
-    stops = [h for h in effect.hooks(scene.robot) if isinstance(h, hooks.Impact)]
-    yield from ((h.joint, h.lower[1:], h.upper[1:]) for h in stops)
-    if not stops:
-        yield from ((joint, *ends) for joint, ends in effect.travel(scene.robot).items())
+    stops = (h for h in effect.hooks(scene.robot) if isinstance(h, hooks.Impact))
+    hard = [(h.joint, h.lower[1:], h.upper[1:]) for h in stops]
+    return hard or [(joint, *ends) for joint, ends in effect.travel(scene.robot).items()]
 
 
 def _soft_ends(

@@ -63,11 +63,10 @@ def _chain(world: ET.Element, made: Mechanism, step: float) -> None:
         parent = ET.SubElement(parent, "body", name=f"link{k + 1}", pos=numbers(*link.place, 0.0))
         kind, axis = ("slide", numbers(*link.axis, 0.0)) if link.slides else ("hinge", "0 0 1")
         joint = ET.SubElement(parent, "joint", name=link.joint, type=kind, axis=axis)
-        for name, value in (("damping", made.damping), ("armature", made.armature)):
-            if value[k] != 0.0:
-                joint.set(name, numbers(value[k]))
+        for name in ("damping", "armature", "stiffness"):
+            if (value := getattr(made, name)[k]) != 0.0:
+                joint.set(name, numbers(value))
         if made.stiffness[k] != 0.0:
-            joint.set("stiffness", numbers(made.stiffness[k]))
             joint.set("springref", numbers(made.rest[k]))
         if k in made.travel:
             joint.set("range", numbers(*made.travel[k]))

@@ -46,8 +46,7 @@ def _reason(scene: Scene, a: Attached[Any]) -> str:
     """Why a hook is no part of the function; "" if it is."""
     if type(a.hook) in REASONS:
         return REASONS[type(a.hook)]
-    moves = isinstance(a.hook, hooks.Field) and a not in scene.attached.constant_fields
-    changes = moves or hooks.states_of(a.hook)
+    changes = hooks.states_of(a.hook) or a in scene.attached.moving_fields
     return "it has states of its own, or a field that changes with time" if changes else ""
 
 

@@ -186,15 +186,10 @@ def _archive(file: BinaryIO, where: str) -> Iterator[Any]:
 
     if _count(file, ENTRY) > MAX_MEMBERS:
         raise ValueError(f"{where} has more than the {MAX_MEMBERS} members that are read")
-    errors: tuple[type[Exception], ...] = (
-        zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError, OSError,
-        OverflowError,
-    )  # fmt: skip
-    # a place beyond any file, or a name that is no text
-    at_once: tuple[type[Exception], ...] = (*errors, ValueError)
+    errors = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, OSError, OverflowError)
     try:
         archive = zipfile.ZipFile(file)
-    except at_once as error:
+    except (*errors, ValueError) as error:  # a place beyond any file, or a name that is no text
         raise _damaged(where, error) from None
     size = file.seek(0, os.SEEK_END)
     with archive:
@@ -234,9 +229,7 @@ def read_arrays(path: Path, what: str) -> dict[str, Any]:
     objects or claims another size than it has."""
     with opened(path, what, MAX_UNPACKED) as file:
         members = read_members(file, str(path))
-    return {
-        name.removesuffix(".npy"): _array(data, f"{path}: {shown(name)}") for name, data in members.items()
-    }
+    return {name.removesuffix(".npy"): _array(x, f"{path}: {shown(name)}") for name, x in members.items()}
 
 
 def _array(data: bytes, where: str) -> Any:

@@ -15,7 +15,6 @@ from redundant_envs.support.values import printable, say
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-
 EVERY = 10.0  # s; time between two lines of progress where there is no terminal
 
 

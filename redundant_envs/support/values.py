@@ -25,7 +25,6 @@ DEEPEST = 20  # largest depth of plain data: what it describes needs four; Pytho
 MAX_VALUES = 3000  # in plain data: ten times the longest description, read in a tenth of a second
 LONGEST = 120  # most characters of a value in a message
 
-
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = 80
 _short.maxlevel = 3
@@ -117,11 +116,8 @@ def _plainer(value: Any) -> Any:
 
 def plain(kind: str, thing: Any) -> dict[str, Any]:
     """An arm or an effect as plain data, by its name in scene files."""
-    data: dict[str, Any] = {"type": kind}
-    for f in (f for f in dataclasses.fields(thing) if f.init):
-        value = getattr(thing, f.name)
-        data[f.name] = list(value) if isinstance(value, tuple) else value
-    return data
+    given = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing) if f.init}
+    return {"type": kind} | {name: [*x] if isinstance(x, tuple) else x for name, x in given.items()}
 
 
 def with_fields(thing: Thing, **fields: Any) -> Thing:

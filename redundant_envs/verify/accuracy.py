@@ -19,7 +19,6 @@ from redundant_envs.verify.promises import Finding, Mode, NotApplicable, Promise
 ENOUGH = 1e-3  # tip error of a control interval [m] that is good enough for the 99th percentile
 MISSED = 1e-3  # share of the states that may miss the tolerance without a flag; our scenes miss none of 1e6
 
-
 CONFIRMED = 0.1  # references agree if their tips differ by less than this, in units of the tolerance
 LIMIT = 2.0  # an error beyond this is a miss, in units of the tolerance: an estimate is no bound
 
@@ -144,5 +143,4 @@ def order(trial: Sample) -> Finding:
     found = found[np.isfinite(found)]
     high = float(np.quantile(found, SHARE))
     words = f"{name} has the order {high:.2f}, not {METHODS[name].order}: a coefficient is wrong"
-    beyond = high - METHODS[name].order
-    return Finding(beyond, f"{SHARE:.0%} quantile of {len(found)} states", words)
+    return Finding(high - METHODS[name].order, f"{SHARE:.0%} quantile of {len(found)} states", words)

@@ -15,7 +15,7 @@ from redundant_envs.verify.checks import Array, Sample, check
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, Mode
 
 LANES = np.arange(67)  # eight full blocks of lanes, and one that is not full
-INTERVALS = 3
+INTERVALS = range(3)
 
 
 def batch_of(trial: Sample, lanes: Array = LANES, threads: int = 1) -> BatchSimulator:
@@ -28,9 +28,7 @@ def batch_of(trial: Sample, lanes: Array = LANES, threads: int = 1) -> BatchSimu
     return batch
 
 
-def run(
-    trial: Sample, batch: Any, lanes: Array = LANES, steps: Any = range(INTERVALS), without: Any = ()
-) -> Array:
+def run(trial: Sample, batch: Any, lanes: Array = LANES, steps: Any = INTERVALS, without: Any = ()) -> Array:
     """Numbers of some intervals as whole ones, which show every bit, (lanes, ...), under efforts of the
     states, or NaN for those ``without``."""
     tables = []
@@ -86,8 +84,8 @@ def parameters(trial: Sample) -> Finding:
 
 def _continued(trial: Sample, remade: Callable[[BatchSimulator], Any], what: str) -> Finding:
     batch = batch_of(trial)
-    begun = run(trial, batch, steps=[0])
-    later = run(trial, remade(batch), steps=range(1, INTERVALS))
+    begun = run(trial, batch, steps=INTERVALS[:1])
+    later = run(trial, remade(batch), steps=INTERVALS[1:])
     return differing(trial, np.concatenate([begun, later], axis=1), what)
 
 

@@ -22,7 +22,7 @@ from redundant_envs.verify.subjects import Subject
 Array = NDArray[Any]
 
 ROUNDING = 32 * np.finfo(np.float64).eps  # relative rounding error of what differences are taken of
-ENOUGH_SMOOTH = 0.5  # share of the states that must be smooth, and of the intervals that must be judged
+LEAST_SHARE = 0.5  # of the states that must be smooth, and of the intervals that must be judged
 STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}  # of each mode, unless the command says
 Measure = Callable[["Sample"], Finding]
 
@@ -177,7 +177,7 @@ def worst_of(findings: list[Finding], reason: str) -> Finding:
     return max(findings, key=lambda f: np.inf if np.isnan(f.found) else f.found)
 
 
-def enough(good: Array, reason: str, share: float = ENOUGH_SMOOTH) -> None:
+def enough(good: Array, reason: str, share: float = LEAST_SHARE) -> None:
     """NotApplicable with a reason, unless a share of the states is good."""
     if np.mean(good) < share:
         raise NotApplicable(reason)

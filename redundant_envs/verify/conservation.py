@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.model.energy import kinetic_energy, potential_energy
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.verify.checks import ENOUGH_SMOOTH, ROUNDING, Array, Sample, check, ratio
+from redundant_envs.verify.checks import LEAST_SHARE, ROUNDING, Array, Sample, check, ratio
 from redundant_envs.verify.promises import Finding, at_most
 
 OPEN = 1e-9
@@ -95,7 +95,7 @@ def energy_book(trial: Sample) -> Finding:
     other = energy_changes(trial.scene, q, qd, parts)[0]
     noise = ROUNDING * stored + by_rounding(trial.scene, q)
     judged = whole.good & parts.good & ~(np.abs(change - other) > SAME * OPEN * scale + noise)
-    if np.mean(judged) < ENOUGH_SMOOTH:
+    if np.mean(judged) < LEAST_SHARE:
         words = "energy: too few intervals could be simulated accurately to judge the scene by"
         return Finding(np.inf, f"{np.mean(judged):.0%} of the states judged", words)
     relative = np.where(judged, ratio(np.maximum(np.abs(change) - noise, 0.0), scale), 0.0)

@@ -11,16 +11,7 @@ from redundant_envs.effects.hooks import Effect, Field, Force
 from redundant_envs.language.algebra import numbered
 from redundant_envs.model.energy import at_joints, potential_energy, scene_quantities
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.verify.checks import (
-    BEYOND,
-    ENOUGH_SMOOTH,
-    ROUNDING,
-    Array,
-    Sample,
-    check,
-    ratio,
-    worst_of,
-)
+from redundant_envs.verify.checks import BEYOND, LEAST_SHARE, ROUNDING, Array, Sample, check, ratio, worst_of
 from redundant_envs.verify.equations import columns
 from redundant_envs.verify.promises import Finding, at_most
 
@@ -47,10 +38,8 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     alone = Scene(arm, (effect,))
     inverse = np.linalg.inv(arm.motor_map)  # from joint positions to coordinates
     step, values = np.full(len(arm.joints), STEP), alone.parameters()
-    ends: list[Any] = [*alone.travel().items()]
-    ends += [
-        (a.hook.joint, map(a.parameter, a.hook.switch)) for a in alone.attached.of(Force) if a.hook.switch
-    ]
+    forces, ends = alone.attached.of(Force), list[Any](alone.travel().items())
+    ends += [(a.hook.joint, map(a.parameter, a.hook.switch)) for a in forces if a.hook.switch]
     for k, (lower, upper) in ends:
         width = values[upper] - values[lower]
         step[k] = min(step[k], SHARE_OF_TRAVEL * width)
@@ -62,7 +51,7 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
         return (potential_energy(alone, above) - potential_energy(alone, below)) / moved
 
     x, force = scene_quantities(alone, q), np.zeros_like(q)
-    for a in alone.attached.of(Force):
+    for a in forces:
         if "conservative" in a.functions:
             force += at_joints(alone, a, "conservative", x)
     if alone.attached.of(Field):
@@ -75,7 +64,7 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     smooth = np.all(np.abs(near - far) <= SMOOTH * scale + noise, axis=1)
     gap = np.maximum(np.abs(force - slope) - noise, 0.0) / scale
     gap = np.where(smooth[:, None] & (scale > 0.0), gap, 0.0)
-    if (share := np.mean(smooth)) < ENOUGH_SMOOTH:
+    if (share := np.mean(smooth)) < LEAST_SHARE:
         words = f"{effect.key}: the potential is smooth at {share:.0%} of the states only"
         return Finding(np.inf, effect.key, words)
     most, where, state = trial.worst(gap)
@@ -117,9 +106,8 @@ def _jump(trial: Sample, a: Attached[Force], limit: str, side: float) -> Finding
     nearby = np.maximum(np.abs(force(side * share * width, side)), np.abs(force(-side * share * width, 0.0)))
     # The position itself is rounded, which matters for a stiff force between close limits.
     rounding = ROUNDING * (1.0 + np.abs(joints).sum(axis=1)) * nearby.max() / (BEYOND * width)
-    most, where, state = trial.worst(
-        ratio(np.maximum(np.abs(inside - outside) - rounding, 0.0), nearby.max())
-    )
+    gap = np.maximum(np.abs(inside - outside) - rounding, 0.0)
+    most, where, state = trial.worst(ratio(gap, nearby.max()))
     words = (
         f"{a.key}: where {arm.joints[joint]} is at {limit} = {a.number(limit):g}, the force is "
         f"{inside[state]:.6g} by the law between and {outside[state]:.6g} by the law beyond; make them equal"

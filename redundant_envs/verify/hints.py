@@ -112,11 +112,9 @@ def hinted(trial: Sample, which: str) -> Finding:
         if which == "stiffness":
             motion = Motion(motion.dynamics, motion.joints, 0.0 * motion.rates)
         own = motion.slopes(a, which == "damping")
-        declared = np.broadcast_to(a.functions[which](motion.values()), own.shape)
-        gap, where, state = trial.worst(np.where(np.isfinite(declared), ratio(own, declared), np.nan))
-        words = (
-            f"{a.key}: {which}= gives {declared[state]:.6g} where it is {own[state]:.6g}; give the largest"
-        )
+        said = np.broadcast_to(a.functions[which](motion.values()), own.shape)
+        gap, where, state = trial.worst(np.where(np.isfinite(said), ratio(own, said), np.nan))
+        words = f"{a.key}: {which}= gives {said[state]:.6g} where it is {own[state]:.6g}; give the largest"
         found.append(Finding(gap, f"{where}, {a.key}", words))
     return worst_of(found, f"no force declares a {which}")
 

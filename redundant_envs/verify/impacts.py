@@ -6,7 +6,7 @@ import numpy as np
 
 from redundant_envs.effects.hooks import Impact, Impulse
 from redundant_envs.model.batch import BatchSimulator
-from redundant_envs.verify.checks import ENOUGH_SMOOTH, Sample, check, ratio
+from redundant_envs.verify.checks import LEAST_SHARE, Sample, check, ratio
 from redundant_envs.verify.promises import EQUAL_BITS, Finding, NotApplicable, at_most
 
 SHORT = 1e-10  # s after an impact, for an arm of a metre: forces change velocities by 1e-7, to be subtracted
@@ -69,7 +69,7 @@ def velocities(trial: Sample) -> Finding:
     back = np.abs((after @ b)[rows, struck_joint]) <= 0.5 * e * np.abs(rate)
     bounce = np.where(back & (e < SMALL), 0.0, e)
     impulse = -(1.0 + bounce) * rate / (push @ b)[rows, struck_joint]
-    if np.mean(good) < ENOUGH_SMOOTH:
+    if np.mean(good) < LEAST_SHARE:
         raise ValueError(f"a joint that strikes its stop has an event in {np.mean(good):.0%} of the states")
     expected, scale = qd + push * impulse[:, None], np.sqrt(np.einsum("nii->ni", M))
     size = (scale * np.abs(qd)).max(axis=1, keepdims=True)

@@ -117,19 +117,18 @@ def _content(policies: Path | None) -> tuple[bytes, list[str]]:
 def _of_arm(arm: str, policies: Path | None, kept: Any) -> dict[str, Any]:
     scene = page_scene(arm)
     code, description = environment_module(scene, ReachTask(), max_episode_steps=None)
-    switches, given = _switches(scene), {}
+    place, switches, given = kept(code), _switches(scene), {}
     for learner in LEARNERS if policies is not None else ():
         path = policies / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
         if path.is_file():
-            given[learner.upper()] = policy(path, len(description["observation"]), description["actions"])
+            about, weights = policy(path, len(description["observation"]), description["actions"])
+            packed = kept(_planes(weights.astype("<f4")))
+            given[learner.upper()] = {**about, "weights": packed}
     return {
         "id": id_of(arm, "Reach"),
         "description": description,
-        "code": kept(code),
-        "policies": {
-            name: {**about, "weights": kept(_planes(weights.astype("<f4")))}
-            for name, (about, weights) in given.items()
-        },
+        "code": place,
+        "policies": given,
         "sliders": [slider._asdict() for slider in _sliders(scene)],
         "switches": switches,
         "bills": _bills(scene, [switch["key"] for switch in switches]),
@@ -157,9 +156,8 @@ def page_scene(arm: str) -> Scene:
 
 def _fields(scene: Scene, kind: type[Effect]) -> list[str]:
     """Names of the numbers of an effect of a scene."""
-    return [
-        f"{one.key}.{name}" for one in scene.effects if isinstance(one, kind) for name in one.parameters()
-    ]
+    own = (effect for effect in scene.effects if isinstance(effect, kind))
+    return [f"{effect.key}.{name}" for effect in own for name in effect.parameters()]
 
 
 def _sliders(scene: Scene) -> Iterator[Slider]:
