@@ -216,8 +216,7 @@ def show_scene(options: argparse.Namespace) -> None:
     elif options.cost:
         from redundant_envs.envs import cost
 
-        rows = cost.costs(cost.parts(scene))
-        say(table(cost.COLUMNS, (row.values() for row in rows)))
+        say(table(cost.COLUMNS, (row.values() for row in cost.costs(cost.parts(scene)))))
     elif options.drawing is not None:
         from redundant_envs.envs.rendering import stated_limits
         from redundant_envs.robots.drawn import schematic

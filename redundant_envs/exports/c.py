@@ -37,8 +37,7 @@ def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
     used = {operation.extra[0] for operation in reached(results) if operation.name == "load"}
     unused = [f"(void){name};" for name in INPUTS if name not in used]
     body = "\n".join(f"  {line}" for line in (*unused, *_statements(results, named)))
-    text = f"/* {comment} */\n\n#include <math.h>\n\n{head};\n\n{head} {{\n{body}\n}}\n"
-    return Document(text, notes)
+    return Document(f"/* {comment} */\n\n#include <math.h>\n\n{head};\n\n{head} {{\n{body}\n}}\n", notes)
 
 
 def identifier(name: str) -> str:
@@ -63,8 +62,7 @@ def _statements(results: list[Value], named: set[str]) -> Iterator[str]:
             yield from [f"/* {source} */"] if source != before else []
         kind, letter = ("int", "c") if operation.name in CONDITIONS else ("double", "x")
         name = f"{letter}{len(names)}"
-        form = FORMS[operation.name].format(*_shown(operation.arguments, names))
-        yield f"const {kind} {name} = {form};"
+        yield f"const {kind} {name} = {FORMS[operation.name].format(*_shown(operation.arguments, names))};"
         names[operation] = name
     yield from (f"qdd[{k}] = {text};" for k, text in enumerate(_shown(results, names)))
 

@@ -246,6 +246,5 @@ def _dry_friction(scene: Scene, known: Mapping[str, float]) -> dict[int, float]:
     """Levels at rest of the dry friction in joints."""
     at_rest, friction = Quantities({**known, SPEED: 0.0}, (), {}), dict[int, float]()
     for a in scene.attached.of(Friction):
-        level = float(a.functions["limit"](at_rest))
-        friction[a.hook.joint] = friction.get(a.hook.joint, 0.0) + level
+        friction[a.hook.joint] = friction.get(a.hook.joint, 0.0) + float(a.functions["limit"](at_rest))
     return friction

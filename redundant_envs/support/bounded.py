@@ -130,7 +130,6 @@ def read_members(
     """
     import zipfile
 
-    methods = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
     with _archive(file, where) as archive:
         there = {entry.filename: entry for entry in archive.infolist()}
         for name in names or ():
@@ -138,7 +137,7 @@ def read_members(
                 raise ValueError(f"{where} has no {name!r}")
         wanted = {name: there[name] for name in names or there}
         for name, entry in wanted.items():
-            if entry.compress_type not in methods:
+            if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise ValueError(f"{where} has a {shown(name)} that is neither stored nor deflated")
         _check_unpacked(wanted.values(), where, most)
         # By their sizes: without one a member is unpacked whole, with what it has beyond its size.

@@ -21,7 +21,6 @@ def needs(extra: str) -> Iterator[None]:
         yield
     except ImportError as error:
         name = (error.name or "").partition(".")[0]
-        missing = isinstance(error, ModuleNotFoundError) and name
         # A package that is installed but cannot be imported states its own reason.
-        reason = f"{name} is not installed" if missing else str(error)
+        reason = f"{name} is not installed" if isinstance(error, ModuleNotFoundError) and name else str(error)
         raise MissingPackage(f"{reason}; {INSTALL.format(extra)}") from error

@@ -38,8 +38,7 @@ def status_of(run: Callable[[], int | None], name: str) -> int:
             return CLOSED_PIPE
         raise
     except (ValueError, MissingPackage, OSError) as error:
-        lost = _give_up_output()
-        if lost and isinstance(error, BrokenPipeError):
+        if _give_up_output() and isinstance(error, BrokenPipeError):
             return CLOSED_PIPE
         said, status = f"{name}: {' '.join(str(error).splitlines())}", 2
     except MemoryError as error:

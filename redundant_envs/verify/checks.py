@@ -136,8 +136,7 @@ class Sample:
         by more than the reach, at its rate or from rest: rounding hardly grows within it."""
         q, qd, efforts = self.states
         B = self.scene.robot.motor_map
-        reach = np.linalg.norm(self.arm.points(q), axis=2).max()
-        unit = np.where(self.scene.robot.prismatic, reach, 1.0)
+        unit = np.where(self.arm.prismatic, np.linalg.norm(self.arm.points(q), axis=2).max(), 1.0)
         with np.errstate(all="ignore"):
             qdd = self.arm.forward_dynamics(q, qd, efforts @ B.T)
             rate, faster = (np.abs(x @ B / unit).max(axis=1) for x in (qd, qdd))
@@ -219,8 +218,7 @@ def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> t
     rates = rng.normal(0.0, 1.0, shape) * np.where(prismatic, 0.5, 2.0)
     for k in {*arm.sliders(), *(k for k, *_ in hard_stops(scene))} & scene.travel().keys():
         at_end = rng.random(count) < 0.25
-        ends = np.where(rng.random(count) < 0.5, *ranges[k])
-        joints[at_end, k], rates[at_end, k] = ends[at_end], 0.0
+        joints[at_end, k], rates[at_end, k] = np.where(rng.random(count) < 0.5, *ranges[k])[at_end], 0.0
     inverse = np.linalg.inv(arm.motor_map)
     limits = np.array([values[name] for name in scene.action_units()])
     if not limits.size:

@@ -74,8 +74,7 @@ def energy_changes(scene: Scene, q: Array, qd: Array, end: Crossing) -> tuple[Ar
     potential = potential_energy(scene, q), potential_energy(scene, end.q, end.z)
     gained = potential[1] - potential[0]
     scale = kinetic[0] + kinetic[1] + np.abs(gained) + np.abs(end.work)
-    stored = np.abs(potential[0]) + np.abs(potential[1])
-    return kinetic[1] - kinetic[0] + gained - end.work, scale, stored
+    return kinetic[1] - kinetic[0] + gained - end.work, scale, np.abs(potential[0]) + np.abs(potential[1])
 
 
 def by_rounding(scene: Scene, q: Array) -> Array:

@@ -144,9 +144,8 @@ def coriolis(trial: Sample) -> Finding:
     scale = e.scale[:, :, None] * e.scale[:, None, :]
     size = (np.einsum("nijk,nk->nij", np.abs(e.change), np.abs(qd)) / scale).max(axis=(1, 2))
     size = np.maximum(size, LEAST * np.abs(qd).max(axis=1))
-    rate = np.einsum("nijk,nk->nij", e.change, qd)
     turn = np.einsum("nikj,nk->nij", e.change, qd)
-    christoffel = 0.5 * (rate + turn - np.swapaxes(turn, 1, 2))
+    christoffel = 0.5 * (np.einsum("nijk,nk->nij", e.change, qd) + turn - np.swapaxes(turn, 1, 2))
     gaps = ratio((C - christoffel) / scale, size[:, None, None])
     power = (np.einsum("nij,nj->ni", C, qd) - arm.bias_forces(q, qd)) / e.scale
     moved = size * (e.scale * np.abs(qd)).max(axis=1)

@@ -227,8 +227,7 @@ def _closed_form(trial: Sample, x: Quantities, a: Attached[Any], field: str, own
     largest: Array = np.abs(at("derivative", start))
     for other in (slope, rate, (np.abs(start) + np.abs(then.value)) / interval):
         largest = np.maximum(largest, np.abs(other))
-    gaps = np.maximum(ratio(slope - rate, largest), ratio(kept, size))
-    most, where, state = trial.worst(gaps)
+    most, where, state = trial.worst(np.maximum(ratio(slope - rate, largest), ratio(kept, size)))
     words = (
         f"{a.key}: closed= of {field!r} changes by {slope[state]:.6g} per second, and by {kept[state]:.3g} "
         f"at once; its derivative= is {rate[state]:.6g}: give the solution with all other quantities constant"

@@ -21,13 +21,11 @@ def jacobian(trial: Sample) -> Finding:
     """J is the derivative of the tip, the tip is the last point mass, and its velocity is J qd."""
     arm, (q, qd), e = trial.arm, trial.poses, trial.shared(at_poses)
     J, tip = arm.jacobian(q), e.slopes[:, -1]
-    largest = np.linalg.norm(tip, axis=1).max(axis=0)
-    reach = np.linalg.norm(e.points, axis=2).max()
     velocity = table(arm, ["tip_vx", "tip_vy"], values_of(arm, q, qd), len(q))
     speed = (np.abs(tip) * np.abs(qd)[:, None, :]).sum(axis=2)
     gaps = [
-        np.abs(ratio(J - tip, largest)).max(axis=1),
-        ratio(arm.forward_kinematics(q) - e.points[:, -1], reach),
+        np.abs(ratio(J - tip, np.linalg.norm(tip, axis=1).max(axis=0))).max(axis=1),
+        ratio(arm.forward_kinematics(q) - e.points[:, -1], np.linalg.norm(e.points, axis=2).max()),
         ratio(velocity - np.einsum("naj,nj->na", tip, qd), speed.max(axis=1, keepdims=True)),
     ]
     names = (*arm.joints, "tip x", "tip y", "velocity x", "velocity y")
@@ -136,9 +134,8 @@ def reach(trial: Sample) -> Finding:
     share[0], high = 1.0, sum(arm.lengths) or 1.0
     for k in arm.sliders():
         joints[:, k], known[f"high{k + 1}"] = high * share, high
-    most = Quantities(known, (full_reach(arm),), {})["reach"]
     tip = np.linalg.norm(arm.forward_kinematics(joints @ np.linalg.inv(arm.motor_map)), axis=1)
-    far = float(np.nanmax(tip) / most)
+    far = float(np.nanmax(tip) / Quantities(known, (full_reach(arm),), {})["reach"])
     words = f"{arm.kind}: the tip comes {far:.4g} times as far as the sum of extent, {', '.join(arm.extent)}"
     return Finding(far, "", words)
 

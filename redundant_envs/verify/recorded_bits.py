@@ -88,11 +88,9 @@ def episodes(name: str) -> Iterator[Array]:
             autoreset_mode=mode, info_keys="all", **arguments,
         )  # fmt: skip
         rng = np.random.default_rng(5)
-        observations, infos = env.reset(seed=3)
-        yield from tables(observations)
+        yield from tables(env.reset(seed=3)[0])
         for _ in range(INTERVALS):
-            actions = (2.4 * rng.random((LANES, 4)) - 1.2).astype(np.float32)
-            observations, *ends, infos = env.step(actions)
+            observations, *ends, infos = env.step((2.4 * rng.random((LANES, 4)) - 1.2).astype(np.float32))
             yield from (*tables(observations), *ends)
             yield from (infos[k] for k in sorted(infos) if "final" not in k and not k.startswith("_"))
             for final in infos.get("final_obs", ()):

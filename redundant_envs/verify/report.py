@@ -124,8 +124,7 @@ def text_table(outcomes: Iterable[Outcome]) -> str:
 def notes(outcomes: Iterable[Outcome]) -> list[str]:
     """Faults, and advice for the reader, in words."""
     missed = [f"MISSED: {o.check}: {o.finding.words}" for o in outcomes if o.verdict is Verdict.MISSED]
-    advice = [o.finding.words for o in outcomes if o.verdict is Verdict.MEASURED and o.finding.words]
-    return missed + advice
+    return missed + [o.finding.words for o in outcomes if o.verdict is Verdict.MEASURED and o.finding.words]
 
 
 def as_json(reports: Iterable[tuple[str, Report]]) -> str:
@@ -174,6 +173,5 @@ def compare_bits(everything: bool) -> int:
         other = recorded_bits.differing(names, done)
     for name in other:
         say(f"{name}: other bits")
-    same = len(names) - len(other)
-    say(f"{same} of {len(names)} recorded motions have the same bits on this machine")
+    say(f"{len(names) - len(other)} of {len(names)} recorded motions have the same bits on this machine")
     return int(bool(other))

@@ -131,5 +131,4 @@ def _made(name: str, kind: type[Any]) -> Any:
 
 
 def _environment(name: str, env_id: str, task: Mapping[str, Any] | None = None) -> Subject:
-    scene = scene_at(registration.SCENES[registration.IDS[env_id].arm], None)
-    return Subject(name, scene, env_id, task)
+    return Subject(name, scene_at(registration.SCENES[registration.IDS[env_id].arm], None), env_id, task)

@@ -73,8 +73,7 @@ def time_reversal(trial: Sample) -> Finding:
     batch.set_state(batch.q, -batch.qd)
     good &= batch.advance(efforts).numerics == 0
     enough(good, "too few motions could be simulated to rounding", 0.25)
-    reach = np.linalg.norm(trial.arm.points(q), axis=2).max()
-    unit = np.where(trial.arm.prismatic, reach, 1.0)
+    unit = np.where(trial.arm.prismatic, np.linalg.norm(trial.arm.points(q), axis=2).max(), 1.0)
     gaps = np.where(good[:, None], np.abs((batch.q - q) @ trial.arm.motor_map) / unit, 0.0)
     words = (
         "a motion there and back ends {:.1e} from where it began: a force of the motion itself changes "

@@ -122,8 +122,7 @@ def _of_arm(arm: str, policies: Path | None, kept: Any) -> dict[str, Any]:
         path = policies / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
         if path.is_file():
             about, weights = policy(path, len(description["observation"]), description["actions"])
-            packed = kept(_planes(weights.astype("<f4")))
-            given[learner.upper()] = {**about, "weights": packed}
+            given[learner.upper()] = {**about, "weights": kept(_planes(weights.astype("<f4")))}
     return {
         "id": id_of(arm, "Reach"),
         "description": description,
@@ -180,9 +179,8 @@ def _sliders(scene: Scene) -> Iterator[Slider]:
 
 def _switches(scene: Scene) -> list[dict[str, Any]]:
     """Effects that a reader may switch off: the numbers that are 0 then."""
-    kinds = {"gravity": Gravity, "friction": ViscousFriction, "push": TipForce}
     made = []
-    for label, kind in kinds.items():
+    for label, kind in {"gravity": Gravity, "friction": ViscousFriction, "push": TipForce}.items():
         (key,) = (effect.key for effect in scene.effects if isinstance(effect, kind))
         fields = [name for name in _fields(scene, kind) if ".down" not in name and ".start" not in name]
         made.append({"label": label, "key": key, "fields": fields})
