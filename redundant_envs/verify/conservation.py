@@ -77,13 +77,6 @@ def energy_changes(scene: Scene, q: Array, qd: Array, end: Crossing) -> tuple[Ar
     return kinetic[1] - kinetic[0] + gained - end.work, scale, np.abs(potential[0]) + np.abs(potential[1])
 
 
-def by_rounding(scene: Scene, q: Array) -> Array:
-    """Change of the potential energy if each coordinate is off by its rounding, (n,), J."""
-    nudges = ROUNDING * np.eye(q.shape[1])
-    here = potential_energy(scene, q)
-    return np.sum([np.abs(potential_energy(scene, q + nudge * q) - here) for nudge in nudges], axis=0)
-
-
 @check("energy book", at_most(OPEN))
 def energy_book(trial: Sample) -> Finding:
     """Kinetic + potential - work is constant over a control interval, or over a shorter one that is calm for
@@ -92,7 +85,9 @@ def energy_book(trial: Sample) -> Finding:
     whole, parts = (crossed(trial.calm_scene, *trial.states, n) for n in (1, PARTS))
     change, scale, stored = energy_changes(trial.scene, q, qd, whole)
     other = energy_changes(trial.scene, q, qd, parts)[0]
-    noise = ROUNDING * stored + by_rounding(trial.scene, q)
+    here, nudges = potential_energy(trial.scene, q), ROUNDING * np.eye(q.shape[1])  # roundings of coordinates
+    by_rounding = [np.abs(potential_energy(trial.scene, q + nudge * q) - here) for nudge in nudges]
+    noise = ROUNDING * stored + np.sum(by_rounding, axis=0)
     judged = whole.good & parts.good & ~(np.abs(change - other) > SAME * OPEN * scale + noise)
     if np.mean(judged) < LEAST_SHARE:
         words = "energy: too few intervals could be simulated accurately to judge the scene by"
