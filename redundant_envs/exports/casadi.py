@@ -16,13 +16,10 @@ from redundant_envs.support.extras import needs
 with needs("casadi"):
     import casadi as ca
 
-register_numbers(
-    Primitives(
-        ca.sqrt, ca.exp, ca.log, ca.floor, lambda x: (ca.sin(x), ca.cos(x)), ca.if_else, ca.logic_not,
-        expm1=ca.expm1,
-    ),
-    ca.SX,
-)  # fmt: skip
+SYMBOLIC = Primitives(
+    ca.sqrt, ca.exp, ca.log, ca.floor, lambda x: (ca.sin(x), ca.cos(x)), ca.if_else, ca.logic_not
+)
+register_numbers(SYMBOLIC._replace(expm1=ca.expm1), ca.SX)
 
 OUTPUTS = ("qdd", "M", "h", "G", "tip", "J")
 ON_CONDITIONS = {"and": ca.logic_and, "or": ca.logic_or, "xor": lambda a, b: a != b}

@@ -62,7 +62,7 @@ class Mechanism(NamedTuple):
 
     bodies: tuple[Body, ...]
     tip: tuple[int, Array]  # its link, and its place from the joint of that, m
-    gravity: Array  # the vector, m/s^2
+    gravity: Array  # the vector in space, m/s^2
     damping: Array
     stiffness: Array
     rest: Array  # position at which the spring is relaxed
@@ -109,7 +109,7 @@ def mechanism(scene: Scene, form: Format, approximate: bool) -> Mechanism:
     notes = _notes(scene, form, unfit)
     refuse_inexact(notes, form.name, approximate)
     fields = [a for a in scene.attached.constant_fields if a.key not in unfit]
-    gravity = [-float(a) + 0.0 for a in field_of(fields, Quantities(known, (), {}))]
+    gravity = [-float(a) + 0.0 for a in (*field_of(fields, Quantities(known, (), {})), 0.0)]
     limits = next((np.array(x.limits) for x in scene.effects if isinstance(x, EffortLimits)), None)
     at_joints = scene.actuation == "joint"
     tip = next((k, link.tip) for k, link in enumerate(links) if link.tip is not None)

@@ -43,10 +43,7 @@ def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     exact: dict[str, Any] = dict.fromkeys(("boundmass", "boundinertia"), "0")
     exact |= dict.fromkeys(("inertiafromgeom", "balanceinertia"), "false")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true", **exact)
-    ET.SubElement(
-        root, "option", timestep=numbers(step), integrator="RK4",
-        gravity=numbers(*made.gravity, 0.0),
-    )  # fmt: skip
+    ET.SubElement(root, "option", timestep=numbers(step), integrator="RK4", gravity=numbers(*made.gravity))
     world = ET.SubElement(root, "worldbody")
     above = numbers(0.0, 0.0, 3.0 * made.reach)
     ET.SubElement(world, "light", pos=above, dir="0 0 -1")

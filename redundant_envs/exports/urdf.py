@@ -21,7 +21,7 @@ URDF = Format(
 def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     """A scene as a URDF model. Gravity is set by the program that reads it."""
     made = mechanism(scene, URDF, approximate)
-    x, y = made.gravity.tolist()
+    x, y, _ = made.gravity.tolist()
     root = ET.Element("robot", name=scene.robot.kind)
     about = [
         f"URDF has no gravity: set it to ({x!r}, {y!r}, 0) m/s^2 where the model is loaded.",

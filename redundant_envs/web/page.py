@@ -97,13 +97,12 @@ def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[
 
 def _content(policies: Path | None) -> tuple[bytes, list[str]]:
     """The data of the page: length of a JSON text, the text, bytes to which it refers; and its policies."""
-    parts: list[bytes] = []
+    rest = bytearray()
 
     def kept(part: bytes) -> list[int]:
         """The place of some bytes behind the text, and their number."""
-        start = sum(map(len, parts))
-        parts.append(part)
-        return [start, len(part)]
+        rest.extend(part)
+        return [len(rest) - len(part), len(part)]
 
     arms = {arm: _of_arm(arm, policies, kept) for arm in ARMS}
     text = as_json({
@@ -111,7 +110,7 @@ def _content(policies: Path | None) -> tuple[bytes, list[str]]:
         "faults": {int(fault): f"{fault.name}: {said}" for fault, said in FAULTS.items()},
     }).encode()  # fmt: skip
     learners = [f"{name} of {arm}" for arm, about in arms.items() for name in about["policies"]]
-    return struct.pack("<I", len(text)) + text + b"".join(parts), learners
+    return struct.pack("<I", len(text)) + text + rest, learners
 
 
 def _of_arm(arm: str, policies: Path | None, kept: Any) -> dict[str, Any]:
