@@ -104,16 +104,17 @@ def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
 
 
 def _placed(links: Sequence[RigidLink], phi: Array, tip: int) -> Iterator[tuple[int, Array]]:
-    """Positions of all points that move, and of the tip, which has a number, too: (poses, 2) m."""
-    origin, angle = np.zeros((len(phi), 2)), np.zeros(len(phi))
+    """Positions of all points that move, and of the tip, which has a number, too: (poses, 2) m. Within,
+    vectors of the plane are complex numbers."""
+    origin, turn = np.zeros(len(phi), complex), np.ones(len(phi), complex)
     for link, moved in zip(links, phi.T, strict=True):
-        origin = origin + _turned(link.place, angle)
+        origin = origin + turn * complex(*link.place)
         if link.slides:
-            origin = origin + moved[:, None] * _turned(link.axis, angle)
+            origin = origin + moved * turn * complex(*link.axis)
         else:
-            angle = angle + moved
+            turn = turn * np.exp(1j * moved)
         for p, offset in (*link.points.items(), *([] if link.tip is None else [(tip, link.tip)])):
-            yield p, origin + _turned(offset, angle)
+            yield p, (origin + turn * complex(*offset)).view(np.float64).reshape(-1, 2)
 
 
 def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
@@ -124,12 +125,6 @@ def _points(arm: Arm, q: Array) -> tuple[Array, Array]:
     slopes = np.concatenate([slopes, arm.jacobian(q)[:, None]], axis=1)
     points = np.concatenate([arm.points(q), arm.forward_kinematics(q)[:, None]], axis=1)
     return points, slopes @ coordinate_rates(arm)
-
-
-def _turned(vector: Array, angle: Array) -> Array:
-    """A vector (2) turned by angles (poses) rad, (poses, 2)."""
-    s, c = np.sin(angle), np.cos(angle)
-    return np.stack([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]], axis=-1)
 
 
 def _plain(vector: Array) -> Array:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached, field_of
@@ -14,14 +13,13 @@ from redundant_envs.effects.effort_limits import EffortLimits
 from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Effect, Force, Friction, Inertia, PointMass
 from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
-from redundant_envs.exports.links import RigidLink, coordinates_at, links_of
+from redundant_envs.exports.links import Array, RigidLink, coordinates_at, links_of
 from redundant_envs.language.algebra import arguments_of
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.derived import coordinate_rates, joint_rates
 from redundant_envs.scenes.scene import Scene
 
-Array = NDArray[np.float64]
 MAX_CHANGED = 1e-10  # share by which the least inertias may change accelerations
 POSES, SHARE_OF_POSES = 256, 0.9  # of an arm without bounds, and in how many of them this has to hold
 THICKNESS = 0.03  # of drawn links, as a share of the reach
@@ -150,9 +148,7 @@ def _reason(scene: Scene, a: Attached[Any], form: Format, force: Linear | None, 
 
 def _of_link(hook: Inertia, arm: Arm) -> bool:
     """Whether an inertia belongs to the absolute angle of a link."""
-    last = max(hook.joints)
-    turning = [k for k in range(last + 1) if not arm.prismatic[k]]
-    return sorted(hook.joints) == turning and not arm.prismatic[last]
+    return sorted(hook.joints) == [k for k in range(max(hook.joints) + 1) if not arm.prismatic[k]]
 
 
 def _bodies(

@@ -89,9 +89,7 @@ def read_json(path: Path, what: str) -> Any:
 def read_lines(path: Path, what: str, most: int) -> Iterator[str]:
     """The lines of a text; ValueError as for :func:`read_text`, or beyond ``LONGEST_LINE`` bytes."""
     with opened(path, what, most) as file:
-        number = 0
-        while raw := file.readline(LONGEST_LINE + 1):
-            number += 1
+        for number, raw in enumerate(iter(lambda: file.readline(LONGEST_LINE + 1), b""), 1):
             if len(raw) > LONGEST_LINE:
                 raise ValueError(
                     f"{path}, line {number} has more than the {LONGEST_LINE} bytes that are read; give "

@@ -224,9 +224,8 @@ def _closed_form(trial: Sample, x: Quantities, a: Attached[Any], field: str, own
     kept = np.abs(at("closed", start) - start)
     then = dual(at("closed", start, Dual(times, np.ones(count))))
     slope, rate = np.broadcast_arrays(then.slope, at("derivative", then.value))
-    largest: Array = np.abs(at("derivative", start))
-    for other in (slope, rate, (np.abs(start) + np.abs(then.value)) / interval):
-        largest = np.maximum(largest, np.abs(other))
+    sizes = at("derivative", start), slope, rate, (np.abs(start) + np.abs(then.value)) / interval
+    largest = np.abs(np.broadcast_arrays(*sizes)).max(axis=0)
     most, where, state = trial.worst(np.maximum(ratio(slope - rate, largest), ratio(kept, size)))
     words = (
         f"{a.key}: closed= of {field!r} changes by {slope[state]:.6g} per second, and by {kept[state]:.3g} "

@@ -47,9 +47,8 @@ def subject_of(word: str) -> Subject:
     env_id = word if "/" in word else f"{registration.NAMESPACE}/{word}"
     if env_id in registration.IDS:
         return _environment(word, env_id)
-    for registry in (ARMS, EFFECTS, TASKS):
-        if word in registry:
-            return subject_from(word, registry[word])
+    if word in (registered := {**TASKS, **EFFECTS, **ARMS}):
+        return subject_from(word, registered[word])
     raise ValueError(
         f"{shown(word)} is nothing that verify knows; give a scene ({', '.join(scene_names())}), a file of "
         f"one (.yaml), an id ({', '.join(registration.ids())}), an arm ({', '.join(ARMS)}), an effect "
