@@ -97,9 +97,8 @@ def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
         ("bias forces", h @ shares, "p, npaj, npa -> nj", turning),
         ("gravity forces", G @ shares, "p, npaj, a -> nj", np.array([0.0, 9.81])),
     ):
-        gap = np.abs(own - np.einsum(indices, masses, moved, factor)).max()
         terms = np.einsum(indices, masses, np.abs(moved), np.abs(factor))  # they may cancel
-        if not gap <= ALIKE * terms.max():
+        if not np.abs(own - np.einsum(indices, masses, moved, factor)).max() <= ALIKE * terms.max():
             raise _refusal(arm, f"its {what} are not those of its point masses")
 
 

@@ -20,6 +20,7 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.derived import coordinate_rates, joint_rates
 from redundant_envs.scenes.scene import Scene
 
+Travel = dict[int, tuple[float, float]]  # ends of joints
 MAX_CHANGED = 1e-10  # share by which the least inertias may change accelerations
 POSES, SHARE_OF_POSES = 256, 0.9  # of an arm without bounds, and in how many of them this has to hold
 THICKNESS = 0.03  # of drawn links, as a share of the reach
@@ -67,7 +68,7 @@ class Mechanism(NamedTuple):
     armature: Array
     limits: Array | None  # of the motors
     coordinates: Array | None  # shares of the joints in the coordinates, if motors act on these
-    travel: Mapping[int, tuple[float, float]]  # soft ends
+    travel: Travel  # soft ends
     friction: Mapping[int, float]  # regularised dry friction
     notes: tuple[Note, ...]  # what is only approximated, or left out
 
@@ -224,11 +225,9 @@ def _ends_of(scene: Scene, effect: Effect) -> list[tuple[int, str, str]]:
     return hard or [(joint, *ends) for joint, ends in effect.travel(scene.robot).items()]
 
 
-def _soft_ends(
-    scene: Scene, known: Mapping[str, float], unfit: Mapping[str, str]
-) -> dict[int, tuple[float, float]]:
+def _soft_ends(scene: Scene, known: Mapping[str, float], unfit: Mapping[str, str]) -> Travel:
     """Ends of travel of the effects that are only approximated; of several, the nearer ones."""
-    travel: dict[int, tuple[float, float]] = {}
+    travel: Travel = {}
     for effect in (e for e in scene.effects if e.key in unfit):
         for joint, lower, upper in _ends_of(scene, effect):
             low, high = travel.get(joint, (-FREE, FREE))

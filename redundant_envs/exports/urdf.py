@@ -34,7 +34,7 @@ def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
         _inertial(link, body.mass, body.centre, body.inertia)
         _draw(link, made, k)
         _joint(root, made, k)
-    _inertial(ET.SubElement(root, "link", name="tip"), 0.0)  # PyBullet gives a link without one 1 kg
+    _inertial(ET.SubElement(root, "link", name="tip"), 0.0, (0.0, 0.0), 0.0)  # else PyBullet gives it 1 kg
     fixed = ET.SubElement(root, "joint", name="fixed_tip", type="fixed")
     ET.SubElement(fixed, "parent", link=f"link{made.tip[0] + 1}")
     ET.SubElement(fixed, "child", link="tip")
@@ -42,9 +42,7 @@ def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     return xml(root, heading.lines(about, made.notes), made.notes)
 
 
-def _inertial(
-    link: ET.Element, mass: float, centre: Iterable[float] = (0.0, 0.0), inertia: float = 0.0
-) -> None:
+def _inertial(link: ET.Element, mass: float, centre: Iterable[float], inertia: float) -> None:
     """The mass of a link, where its centre is, and its moment of inertia."""
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=numbers(*centre, 0.0))

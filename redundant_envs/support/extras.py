@@ -10,8 +10,7 @@ class MissingPackage(ImportError):
     """A feature needs a package that is not installed; the message names the extra."""
 
 
-INSTALL = "install it in a clone of redundant-envs with: pip install '.[{}]'"
-"""How to have an extra: no index has the package."""
+INSTALL = "install it in a clone of redundant-envs with: pip install '.[{}]'"  # no index has the package
 
 
 @contextlib.contextmanager

@@ -5,12 +5,9 @@ from __future__ import annotations
 Color = tuple[int, int, int]
 
 BACKGROUND = (250, 250, 248)
-JOINT = (28, 36, 52)
-"""Also of masses and of the names of coordinates."""
-INK, SOFT, FAINT = (74, 84, 104), (107, 115, 132), (160, 166, 178)
-"""Of texts, from the strongest on."""
-LINKS = ((52, 73, 110), (86, 118, 168), (124, 157, 205), (168, 192, 226))
-"""From the base on."""
+JOINT = (28, 36, 52)  # also of masses and of the names of coordinates
+INK, SOFT, FAINT = (74, 84, 104), (107, 115, 132), (160, 166, 178)  # of texts, from the strongest on
+LINKS = ((52, 73, 110), (86, 118, 168), (124, 157, 205), (168, 192, 226))  # from the base on
 ARMS = (
     (LINKS[0], LINKS[2]), ((181, 84, 28), (229, 160, 111)), ((46, 125, 91), (134, 195, 166)),
     ((122, 75, 148), (189, 155, 208)),
@@ -25,8 +22,7 @@ CABLE, SLACK = (150, 74, 130), (214, 184, 206)
 LOAD, WAITING = (122, 84, 62), (190, 168, 152)
 GRID = (216, 219, 224)
 BAR_TRACK, BAR_PLUS, BAR_MINUS = (226, 229, 234), (70, 120, 190), (205, 92, 92)
-KINETIC, POTENTIAL, TOTAL = LINKS[0], (217, 130, 43), (46, 139, 102)
-"""Of energies."""
+KINETIC, POTENTIAL, TOTAL = LINKS[0], (217, 130, 43), (46, 139, 102)  # of energies
 ERROR, LEFT_OUT = (140, 59, 59), (169, 173, 181)
 
 

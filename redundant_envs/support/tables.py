@@ -51,8 +51,7 @@ def _cell(text: Any) -> Markdown:
     """The same within a cell of a table."""
     if isinstance(text, Markdown):
         return text
-    line = re.sub(MEANING, _escape, _line(text).strip())
-    return Markdown(line.replace("<", "&lt;").replace("@", AT))
+    return Markdown(re.sub(MEANING, _escape, _line(text).strip()).replace("<", "&lt;").replace("@", AT))
 
 
 def _escape(found: re.Match[str]) -> str:

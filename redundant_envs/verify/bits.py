@@ -84,9 +84,8 @@ def parameters(trial: Sample) -> Finding:
 
 def _continued(trial: Sample, remade: Callable[[BatchSimulator], Any], what: str) -> Finding:
     batch = batch_of(trial)
-    begun = run(trial, batch, steps=INTERVALS[:1])
-    later = run(trial, remade(batch), steps=INTERVALS[1:])
-    return differing(trial, np.concatenate([begun, later], axis=1), what)
+    tables = [run(trial, batch, steps=INTERVALS[:1]), run(trial, remade(batch), steps=INTERVALS[1:])]
+    return differing(trial, np.concatenate(tables, axis=1), what)
 
 
 @check("bits: copies", EQUAL_BITS)

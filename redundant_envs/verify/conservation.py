@@ -92,10 +92,9 @@ def energy_book(trial: Sample) -> Finding:
     if np.mean(judged) < LEAST_SHARE:
         words = "energy: too few intervals could be simulated accurately to judge the scene by"
         return Finding(np.inf, f"{np.mean(judged):.0%} of the states judged", words)
-    relative = np.where(judged, ratio(np.maximum(np.abs(change) - noise, 0.0), scale), 0.0)
     joules = np.abs(change[judged]).max()
     words = (
         f"energy: kinetic + potential - work changes by up to {joules:.3g} J in a control interval, {{:.1e}} "
         "of the energies at hand: check potential and conservative of the effects"
     )
-    return trial.finding(relative, words)
+    return trial.finding(np.where(judged, ratio(np.maximum(np.abs(change) - noise, 0.0), scale), 0.0), words)

@@ -16,8 +16,7 @@ from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.verify.checks import Array, Sample, check, ratio
 from redundant_envs.verify.promises import Finding, Mode, NotApplicable, at_most
 
-AGREE = at_most(1e-10)
-"""Relative to the largest number of a kind: joined products round by 1e-15, which impacts amplify."""
+AGREE = at_most(1e-10)  # of the largest of a kind: joined products round by 1e-15, which impacts amplify
 NUDGE, STEADY = 1e-13, 1e-11  # relative change of rates at the start, of states at the end where judged
 LANES, SINGLES = 16, 4
 MAX_STEPS = 4  # number of equal steps that are compared: without a compiler each takes some milliseconds

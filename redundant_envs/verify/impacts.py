@@ -67,8 +67,7 @@ def velocities(trial: Sample) -> Finding:
     push = np.linalg.solve(M, b.T[struck_joint][..., None])[..., 0]
     after = 2.0 * after_times[0] - after_times[1]
     back = np.abs((after @ b)[rows, struck_joint]) <= 0.5 * e * np.abs(rate)
-    bounce = np.where(back & (e < SMALL), 0.0, e)
-    impulse = -(1.0 + bounce) * rate / (push @ b)[rows, struck_joint]
+    impulse = -(1.0 + np.where(back & (e < SMALL), 0.0, e)) * rate / (push @ b)[rows, struck_joint]
     if np.mean(good) < LEAST_SHARE:
         raise ValueError(f"a joint that strikes its stop has an event in {np.mean(good):.0%} of the states")
     expected, scale = qd + push * impulse[:, None], np.sqrt(np.einsum("nii->ni", M))

@@ -37,9 +37,8 @@ def jacobian_rate(trial: Sample) -> Finding:
     """Jdqd is J' qd."""
     arm, (q, qd), joints = trial.arm, trial.poses, len(trial.arm.joints)
     change = slopes(arm, entries("J", 2, joints), q).reshape(len(q), 2, joints, joints)
-    expected = np.einsum("najk,nj,nk->na", change, qd, qd)
     size = np.einsum("najk,nj,nk->na", np.abs(change), np.abs(qd), np.abs(qd)).max(axis=1, keepdims=True)
-    gaps = ratio(arm.jacobian_dot_qd(q, qd) - expected, size)
+    gaps = ratio(arm.jacobian_dot_qd(q, qd) - np.einsum("najk,nj,nk->na", change, qd, qd), size)
     return found(trial, gaps, "Jdqd contradicts the derivatives of J", ("x", "y"))
 
 
@@ -47,10 +46,9 @@ def jacobian_rate(trial: Sample) -> Finding:
 def joints(trial: Sample) -> Finding:
     """Rates of joints are those of their positions, motors act along them, and the inverse map is right."""
     arm, (q, qd), n = trial.arm, trial.poses, len(trial.arm.joints)
-    phi = table(arm, numbered("phi{}", n), values_of(arm, q), len(q))
     rates = table(arm, numbered("phid{}", n), values_of(arm, q, qd), len(q))
     moved = np.einsum("nij,nj->ni", slopes(arm, numbered("phi{}", n), q), qd)
-    back = arm.coordinates_of_joints(*phi.T)
+    back = arm.coordinates_of_joints(*table(arm, numbered("phi{}", n), values_of(arm, q), len(q)).T)
     again = np.stack(back if isinstance(back, tuple) else (back,), axis=-1)
     size, most = np.abs(qd).sum(axis=1, keepdims=True), np.abs(q).sum(axis=1, keepdims=True)
     gaps = [ratio(rates - moved, size), ratio(rates - qd @ arm.motor_map, size), ratio(again - q, most)]

@@ -32,8 +32,7 @@ def scene_of(arm: str, effects: Iterable[str], **numbers: Any) -> rde.Scene:
 
 ARMS = {name: typed(name, entry, rde.robots.REGISTRY) for name, entry in ENTRIES["arms"].items()}
 EFFECTS = {name: typed(name, entry, e.REGISTRY) for name, entry in ENTRIES["effects"].items()}
-SCENES = {name: scene_of(**entry) for name, entry in ENTRIES["scenes"].items()}
-"""Scenes, named by their special features."""
+SCENES = {name: scene_of(**entry) for name, entry in ENTRIES["scenes"].items()}  # by special features
 
 
 def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterator[Array]:
@@ -113,13 +112,12 @@ def digest(numbers: Iterable[Any]) -> str:
     return whole.hexdigest()[:32]
 
 
-RECORDED: dict[str, Callable[[], Iterable[Any]]] = {
+RECORDED: dict[str, Callable[[], Iterable[Any]]] = {  # all that is recorded, by name
     **{name: partial(motion, scene) for name, scene in SCENES.items()},
     **{f"{name}, work": partial(motion, SCENES[name], work=True) for name in ENTRIES["work"]},
     **{f"{name}, varied": partial(motion, SCENES[name], varied=True) for name in ENTRIES["varied"]},
     **{name: partial(episodes, name) for name in ENTRIES["environments"]},
 }
-"""Everything that is recorded, by name."""
 SHORT = tuple(ENTRIES["short"])
 
 
