@@ -169,7 +169,6 @@ def simulate(options: argparse.Namespace) -> None:
 
 
 def no_studies(options: argparse.Namespace) -> None:
-    """Say where the studies are."""
     command = shlex.join(("python", "-m", "studies", *options.study))
     raise ValueError(f"the studies are in the source tree, not in the wheel; run there: {command}")
 

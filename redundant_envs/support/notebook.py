@@ -50,10 +50,9 @@ def escaped(value: Any, longest: int = LONGEST_CELL) -> str:
 
 def table(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
     """A table; of many rows the first."""
-    all_rows = [*rows]
-    few = all_rows[:MAX_ROWS]
-    if len(all_rows) > MAX_ROWS:
-        few.append((f"... and {len(all_rows) - MAX_ROWS} more",))
+    few = [*rows]
+    if len(few) > MAX_ROWS:
+        few[MAX_ROWS:] = [(f"... and {len(few) - MAX_ROWS} more",)]
     lines = [_line("th", head), *(_line("td", row) for row in few)]
     return f"<table>{''.join(lines)}</table>"
 

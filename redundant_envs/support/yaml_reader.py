@@ -55,9 +55,8 @@ class _Reader(yaml.SafeLoader):
         return int(text) if node.tag.endswith("int") else float(re.sub(r"\.(?=inf|nan)", "", text))
 
 
-def _line(part: Any) -> int:
-    """The line of a node or an event."""
-    return int(part.start_mark.line) + 1
+def _line(node_or_event: Any) -> int:
+    return int(node_or_event.start_mark.line) + 1
 
 
 _Reader.add_constructor("tag:yaml.org,2002:map", _Reader.table)

@@ -131,17 +131,17 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
     """All outcomes as JSON; numbers that JSON cannot represent are null."""
 
     def plain(o: Outcome) -> dict[str, Any]:
-        numbers = {"found": o.finding.found, "bound": o.promise.bound}
         return {
             "check": o.check, "family": o.family, "verdict": o.verdict.value,
-            **{k: v if math.isfinite(v) else None for k, v in numbers.items()},
+            "found": o.finding.found, "bound": o.promise.bound,
             "relation": o.promise.relation, "unit": o.promise.unit, "where": o.finding.where,
             "words": "" if o.verdict is Verdict.KEPT else o.finding.words,
         }  # fmt: skip
 
     subjects = [{"subject": title, "outcomes": [plain(o) for o in r.outcomes]} for title, r in reports]
     good = all(r.good for _, r in reports)
-    return json.dumps({**versions(), "good": good, "subjects": subjects}, indent=1) + "\n"
+    text = json.dumps({**versions(), "good": good, "subjects": subjects})
+    return json.dumps(json.loads(text, parse_constant=lambda _: None), indent=1) + "\n"
 
 
 def run(words: Sequence[str], states: int | None, mode: str, json_file: Path | None) -> int:

@@ -87,9 +87,7 @@ def subject_from(name: str, thing: Any) -> Subject:
 def effect_scene(name: str, effect: Effect) -> Scene:
     """A scene with an effect on the first arm that it fits, in a vertical plane."""
     refused = []
-    for kind in ARMS.values():
-        if not hasattr(kind, "coordinates"):  # such as Chain, whose joints are chosen with its numbers
-            continue
+    for kind in (k for k in ARMS.values() if hasattr(k, "coordinates")):  # Chain's follow from its numbers
         try:
             arm = _made(name, kind)
             fitted = effect.fitted(arm).at_interval(Scene.control_dt)

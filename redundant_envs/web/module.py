@@ -7,7 +7,6 @@ of their rows: with these it has the same blocks as a batch here, of two lanes, 
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -121,15 +120,7 @@ def _motors(dynamics: Dynamics) -> dict[str, Any]:
 
 def as_json(value: Any) -> str:
     """Plain data as JSON text, in which NaN and infinities are texts, as JavaScript's Number() reads them."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: plain(inner) for key, inner in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(inner) for inner in value]
-        return value if not isinstance(value, float) or math.isfinite(value) else json.dumps(value)
-
-    return json.dumps(plain(value), allow_nan=False)
+    return json.dumps(json.loads(json.dumps(value), parse_constant=str))
 
 
 def files(name: str, folder: Path) -> list[Path]:
