@@ -262,7 +262,6 @@ def write_wasm(options: argparse.Namespace) -> None:
 
 
 def write_page(options: argparse.Namespace) -> None:
-    """Write a page with the arms of the Reach environments."""
     from redundant_envs.web import page
 
     check_kept(page.files(options.out), options.force)

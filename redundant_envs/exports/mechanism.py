@@ -199,7 +199,6 @@ def _mobility(scene: Scene) -> float:
 
 
 def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
-    """What is not exact."""
     notes = []
     for effect in scene.effects:
         if effect.key in unfit:

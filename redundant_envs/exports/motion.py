@@ -32,10 +32,9 @@ def smooth_scene(scene: Scene, form: str, approximate: bool) -> tuple[Scene, lis
     there are some, and the result is not to be ``approximate``."""
     reasons = [(a.key, _reason(scene, a)) for a in scene.attached]
     unfit = {key: reason for key, reason in reversed(reasons) if reason}
-    lost = [a for a in scene.attached.of(Actuation) if a.key in unfit and _changes_units(scene, a)]
-    if lost:  # what gave a motor its voltage has nothing to act on
-        others = (a.key for a in scene.attached.of(Actuation) if _changes_units(scene, a))
-        unfit = {**dict.fromkeys(others, "the motor behind it is left out"), **unfit}
+    changing = [a.key for a in scene.attached.of(Actuation) if _changes_units(scene, a)]
+    if unfit.keys() & changing:  # what gave a motor its voltage has nothing to act on
+        unfit = {**dict.fromkeys(changing, "the motor behind it is left out"), **unfit}
     notes = [Note(named(e, scene), unfit[e.key], "left out") for e in scene.effects if e.key in unfit]
     refuse_inexact(notes, form, approximate)
     rest = tuple(e for e in scene.effects if e.key not in unfit)

@@ -43,7 +43,6 @@ def urdf(scene: Scene, heading: Heading, approximate: bool) -> Document:
 
 
 def _inertial(link: ET.Element, mass: float, centre: Iterable[float], inertia: float) -> None:
-    """The mass of a link, where its centre is, and its moment of inertia."""
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=numbers(*centre, 0.0))
     ET.SubElement(inertial, "mass", value=numbers(mass))

@@ -61,7 +61,6 @@ class Report:
 
 
 def checks_in(mode: Mode) -> list[Check]:
-    """The checks of a mode."""
     return [c for c in CHECKS if c.mode <= mode]
 
 

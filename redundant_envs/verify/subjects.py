@@ -57,7 +57,6 @@ def subject_of(word: str) -> Subject:
 
 
 def kind_of(thing: Any) -> type[Any]:
-    """A class itself, or the class of another thing."""
     return thing if isinstance(thing, type) else type(thing)
 
 

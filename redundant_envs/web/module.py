@@ -17,7 +17,7 @@ from redundant_envs.compiler.backends import wasm
 from redundant_envs.compiler.backends.processors import WASM
 from redundant_envs.compiler.tracing.flow import Program
 from redundant_envs.compiler.tracing.graph import uncollected
-from redundant_envs.effects import Effect, EffortLimits, ViscousFriction
+from redundant_envs.effects import EffortLimits, ViscousFriction
 from redundant_envs.envs.core import first_memory
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
 from redundant_envs.scenes.scene import Scene, check_scene
@@ -102,13 +102,10 @@ def check(scene: Scene, task: Task) -> None:
 def _motors(dynamics: Dynamics) -> dict[str, Any]:
     """What a controller needs of motors: B and its inverse, and the fields with the numbers of effort limits,
     of viscous friction and of the ends of travel; None where there are none."""
-    scene, robot = dynamics.scene, dynamics.scene.robot
-    fields: dict[type[Effect], list[str]] = {
-        type(one): [dynamics.parameters.field_of(f"{one.key}.{name}") for name in one.parameters()]
-        for one in scene.effects
-    }
-    limits, units = fields.get(EffortLimits), [*map(dynamics.parameters.field_of, scene.action_units())]
-    travel = {k: [*map(dynamics.parameters.field_of, ends)] for k, ends in scene.travel().items()}
+    scene, robot, field_of = dynamics.scene, dynamics.scene.robot, dynamics.parameters.field_of
+    fields = {type(x): [field_of(f"{x.key}.{name}") for name in x.parameters()] for x in scene.effects}
+    limits, units = fields.get(EffortLimits), [*map(field_of, scene.action_units())]
+    travel = {k: [*map(field_of, ends)] for k, ends in scene.travel().items()}
     return {
         "map": robot.motor_map.tolist(),
         "inverse": np.linalg.inv(robot.motor_map).tolist(),
