@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,7 @@ Array = NDArray[np.float64]
 K = TypeVar("K")
 
 
-@dataclass(frozen=True)
-class Times:
+class Times(NamedTuple):
     """Samples of a thing."""
 
     samples: Array  # (turns, ...) s; of a thing in several parts, those of each part

@@ -5,9 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +26,7 @@ STATES = {Mode.QUICK: 256, Mode.STANDARD: 1024, Mode.FULL: 8192}  # of each mode
 Measure = Callable[["Sample"], Finding]
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """A function that measures a subject, and the promise about its result."""
 
     name: str
@@ -65,8 +63,7 @@ def checks_of(*modules: Any) -> tuple[Check, ...]:
     return tuple(x for module in modules for x in vars(module).values() if isinstance(x, Check))
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """A line of the table: promise and finding for a subject."""
 
     family: str
@@ -76,7 +73,7 @@ class Outcome:
     finding: Finding
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Sample:
     """A subject and its random states; checks share intermediate results."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
 class Mode(enum.IntEnum):
@@ -26,8 +26,7 @@ class NotApplicable(Exception):
     """A check does not apply to a subject; the message is the reason."""
 
 
-@dataclass(frozen=True)
-class Promise:
+class Promise(NamedTuple):
     """Condition on a number."""
 
     bound: float  # NaN if nothing is promised
@@ -60,8 +59,7 @@ def nothing(unit: str) -> Promise:
     return Promise(math.nan, unit, "")
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """A number, and the state in which it was found."""
 
     found: float
