@@ -70,10 +70,9 @@ def _slope(arm: Arm, force: Any, numbers: Mapping[str, float], k: int) -> float:
 def _motion(arm: Arm, motion: Sequence[Any]) -> dict[str, Any]:
     """Positions and rates of the joints by name, and the coordinates and their rates, which follow."""
     n = len(arm.joints)
-    phi, phid = motion[:n], motion[n:]
-    found: Any = arm.coordinates_of_joints(*phi)
+    found: Any = arm.coordinates_of_joints(*motion[:n])
     made = dict(zip((*numbered("phi{}", n), *numbered("phid{}", n)), motion, strict=True))
     made |= zip(arm.coordinates, found if isinstance(found, tuple) else (found,), strict=True)
     for name, row in zip(arm.rates, coordinate_rates(arm).tolist(), strict=True):
-        made[name] = sum(share * x for share, x in zip(row, phid, strict=True))
+        made[name] = sum(share * x for share, x in zip(row, motion[n:], strict=True))
     return made
