@@ -98,10 +98,8 @@ def mechanism(scene: Scene, form: Format, approximate: bool) -> Mechanism:
     forces: dict[Any, Linear] = linear_forces(scene, known)
     _, stiffness, constant = _sums(scene, forces)
     pushed = (stiffness == 0.0) & (constant != 0.0)  # a constant force in all, which no spring has
-    unfit: dict[str, str] = {}
-    for a in scene.attached:
-        if reason := _reason(scene, a, form, forces.get(a), pushed):
-            unfit.setdefault(a.key, reason)
+    reasons = [(a.key, _reason(scene, a, form, forces.get(a), pushed)) for a in scene.attached]
+    unfit = {key: reason for key, reason in reversed(reasons) if reason}
     bodies, armature = _bodies(scene, links, known, unfit)
     damping, stiffness, constant = _sums(scene, {a: f for a, f in forces.items() if a.key not in unfit})
     rest = constant / np.where(stiffness == 0.0, 1.0, stiffness)
