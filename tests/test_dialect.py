@@ -29,8 +29,8 @@ def marked_functions():
         inside = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
         modules += [importlib.import_module(m.name) for m in inside]
     return {
-        f"{m.__name__}.{value.__name__}": value
-        for m in modules for value in vars(m).values()
+        f"{m.__name__}.{name}": value
+        for m in modules for name, value in vars(m).items()
         if inspect.isfunction(value) and is_physics(value) and value.__module__ == m.__name__
     }  # fmt: skip
 

@@ -256,9 +256,7 @@ def bound(k):
     return {"rate": f"phid{k + 1}", "level": f".level[{k}]"}
 
 
-@physics
-def against_rate(rate, level):
-    return where(rate > 0.0, -level, where(rate < 0.0, level, 0.0))
+against_rate = physics(lambda rate, level: where(rate > 0.0, -level, where(rate < 0.0, level, 0.0)))
 
 
 @physics

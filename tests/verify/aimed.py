@@ -24,20 +24,11 @@ from redundant_envs.support.values import typed
 from redundant_envs.verify import recorded_bits
 from redundant_envs.verify.recorded_bits import digest, events, outcome
 
-
-@physics
-def approach(command, effort, time_constant):
-    return (command - effort) / time_constant
-
-
-@physics
-def effort_of(effort):
-    return effort
-
-
-@physics
-def fastest_change(time_constant):
-    return 1.0 / time_constant
+approach = physics(lambda command, effort, time_constant: (command - effort) / time_constant)
+effort_of = physics(lambda effort: effort)
+fastest_change = physics(lambda time_constant: 1.0 / time_constant)
+wind_up = physics(lambda rate, position, turn: 0.5 * turn + 0.1 * rate + 0.01 * position)
+dry = physics(lambda rate, level: where(rate > 0.0, -level, level))
 
 
 @dataclass(frozen=True)
@@ -54,11 +45,6 @@ class Lag(Effect):
             state = State(f"effort[{k}]", unit, derivative=approach, bind=bind, rate=fastest_change)
             links.append(Actuation(k, effort_of, own, Link.LAG, states=(state,)))
         return tuple(links)
-
-
-@physics
-def wind_up(rate, position, turn):
-    return 0.5 * turn + 0.1 * rate + 0.01 * position
 
 
 @physics
@@ -79,11 +65,6 @@ class Play(Effect):
         here = {"rate": f"phid{k}", "position": f"phi{k}", "turn": ".turn"}
         state = State("turn", "rad", update=wind_up, bind=here)
         return (Force(k - 1, backlash, {**here, "play": ".play", "drag": ".drag"}, states=(state,)),)
-
-
-@physics
-def dry(rate, level):
-    return where(rate > 0.0, -level, level)
 
 
 @dataclass(frozen=True)
