@@ -21,11 +21,12 @@ def model_of(scene, form, approximate=False, name=""):
     return mujoco.MjModel.from_xml_string(text)
 
 
-def states(scene, count=1000, seed=11):
-    rng, arm = np.random.default_rng(seed), scene.robot
+def states(arm, count=1000, seed=11, effort=1.0):
+    """Positions, rates and efforts up to one, (count, joints) each."""
+    rng = np.random.default_rng(seed)
     q = rng.uniform(-np.pi, np.pi, (count, len(arm.joints)))
     q[:, arm.sliders()] = rng.uniform(-0.1, 0.4, (count, len(arm.sliders())))
-    return q, rng.uniform(-5.0, 5.0, q.shape), rng.uniform(-1.0, 1.0, q.shape)
+    return q, rng.uniform(-5.0, 5.0, q.shape), rng.uniform(-effort, effort, q.shape)
 
 
 def accelerations(scene, q, qd, commands):
@@ -44,7 +45,7 @@ def ours(scene, q, qd, efforts):
 def largest_difference(scene, model, controlled, seed=11):
     """Of accelerations, as a share of the largest of each state."""
     data, worst, arm = mujoco.MjData(model), 0.0, scene.robot
-    q, qd, controls = states(scene, seed=seed)
+    q, qd, controls = states(arm, seed=seed)
     limits = [x.limits for x in scene.effects if isinstance(x, EffortLimits)]
     efforts = controls * (np.min(limits, axis=0) if limits else 1.0)
     expected = ours(scene, q, qd, efforts)

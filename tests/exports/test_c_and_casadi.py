@@ -8,7 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 from catalogue import FOUR_R, RPRP, SCENES
-from foreign import accelerations
+from foreign import accelerations, states
 from refusals import refusal, short
 
 import redundant_envs as rde
@@ -30,12 +30,9 @@ def smooth_catalogue():
     return {name: smooth[name] for name in alike.values()}
 
 
-def states(arm, count, seed=5):
+def rows(arm, count):
     """Positions, rates and efforts, a row for each state."""
-    rng = np.random.default_rng(seed)
-    q = rng.uniform(-np.pi, np.pi, (count, len(arm.joints)))
-    q[:, arm.sliders()] = rng.uniform(-0.1, 0.4, (count, len(arm.sliders())))
-    return [*zip(q, rng.uniform(-5.0, 5.0, q.shape), rng.uniform(-30.0, 30.0, q.shape), strict=True)]
+    return [*zip(*states(arm, count, effort=30.0), strict=True)]
 
 
 def ours(scene, *state):
@@ -76,7 +73,7 @@ def test_c_has_the_accelerations_of_every_scene_and_compiles_without_a_warning(t
     text = "".join(document(scene, "c", name=f"{k}.a").content for k, scene in enumerate(scenes.values()))
     library = compiled(tmp_path, text)
     for k, (name, scene) in enumerate(scenes.items()):
-        for state in states(scene.robot, 20):
+        for state in rows(scene.robot, 20):
             found = called(library[f"scene_{k}_a_accelerations"], *state)
             assert difference(found, ours(scene, *state)) < 1e-12, name
 
@@ -85,7 +82,7 @@ def test_c_has_the_accelerations_of_every_scene_and_compiles_without_a_warning(t
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
 def test_c_finds_the_accelerations_of_both_arms_in_a_thousand_states(arm, tmp_path):
     library = compiled(tmp_path, document(rde.Scene(arm, (e.Gravity(),)), "c").content)
-    for q, qd, efforts in states(arm, 1000):
+    for q, qd, efforts in rows(arm, 1000):
         found = called(library[f"{arm.kind}_accelerations"], q, qd, efforts)
         assert difference(found, arm.forward_dynamics(q, qd, arm.motor_map @ efforts)) < 1e-12
 
@@ -97,7 +94,7 @@ def test_casadi_has_the_accelerations_of_every_scene(ca, tmp_path):
         function = ca.Function.load(str(tmp_path / "arm.casadi"))
         assert function.name_in() == ["q", "qd", "commands"]
         assert function.name_out() == ["qdd", "M", "h", "G", "tip", "J"]
-        for state in states(scene.robot, 5):
+        for state in rows(scene.robot, 5):
             assert difference(np.array(function(*state)[0]), ours(scene, *state)) < 1e-12, name
 
 
@@ -107,7 +104,7 @@ def test_casadi_finds_mass_matrix_and_bias_forces_to_the_last_bit(ca):
 
     for arm in (FOUR_R, RPRP):
         function = casadi_function(rde.Scene(arm, (e.Gravity(),)))
-        for q, qd, efforts in states(arm, 200):
+        for q, qd, efforts in rows(arm, 200):
             _, M, h, G, tip, J = (np.array(x) for x in function(q, qd, efforts))
             np.testing.assert_array_equal(M, arm.mass_matrix(q))
             np.testing.assert_array_equal(h.ravel(), arm.bias_forces(q, qd))
@@ -121,7 +118,7 @@ def test_casadi_differentiates_a_scene(ca):
 
     function = casadi_function(rde.Scene(FOUR_R, (e.Gravity(),)))
     slope = function.factory("slope", ["q", "qd", "commands"], ["jac:qdd:commands"])
-    (state,) = states(FOUR_R, 1)
+    (state,) = rows(FOUR_R, 1)
     expected = np.linalg.solve(FOUR_R.mass_matrix(state[0]), FOUR_R.motor_map)
     np.testing.assert_allclose(np.array(slope(*state)), expected, rtol=1e-9)
 
@@ -165,11 +162,6 @@ def test_any_name_and_an_arm_on_whose_pose_nothing_depends_compile_without_a_war
     (tmp_path / "slider").mkdir()
     library = compiled(tmp_path / "slider", document(rde.Scene(rde.Chain("P", (0.5,))), "c").content)
     assert called(library.Chain_accelerations, [0.1], [0.2], [3.0]) == [6.0]
-
-
-def test_an_unknown_format_lists_the_valid_ones():
-    with pytest.raises(ValueError, match="format is 'sdf'; choose mjcf, urdf, casadi, c"):
-        document(SCENES["4R gravity rk4"], "sdf")
 
 
 def test_numbers_that_episodes_draw_are_nominal_and_the_file_says_so():

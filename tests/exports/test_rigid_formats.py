@@ -22,12 +22,13 @@ GRAVITY = e.Gravity.on_plane(9.81, tilt=0.4, roll=0.7)
 
 
 def two_arms(seed):
-    """Both arms, with masses and lengths at random."""
+    """Both arms, with masses and lengths at random, in single precision: PyBullet reads those of MJCF so."""
     rng = np.random.default_rng(seed)
-    return [
-        rde.FourR(rng.uniform(0.1, 2.0, 4), rng.uniform(0.1, 1.0, 4)),
-        rde.RPRP(rng.uniform(0.1, 2.0, 4), rng.uniform(0.1, 1.0, 2)),
-    ]
+
+    def drawn(low, high, count):
+        return tuple(rng.uniform(low, high, count).astype(np.float32).tolist())
+
+    return rde.FourR(drawn(0.1, 2.0, 4), drawn(0.1, 1.0, 4)), rde.RPRP(drawn(0.1, 2.0, 4), drawn(0.1, 1.0, 2))
 
 
 F_ARM, R_ARM = two_arms(1)
@@ -58,43 +59,25 @@ def test_mujoco_finds_the_accelerations_of_both_arms(form, seed):
             assert found < 1e-10
 
 
-@physics
-def towards(position, middle, compliance):
-    return (middle - position) / compliance
-
-
-@physics
-def dead_beyond(position, middle, compliance):
-    return where(position - middle > 1e6, 0.0, (middle - position) / compliance)
-
-
-@physics
-def jumping(position, middle, compliance):
-    return (middle - position) / compliance + where(position > 0.3, 1.0, 0.0)
-
-
-@physics
-def beyond_band(position, middle, compliance):
-    return -(maximum(position - middle, 1e3) + minimum(position - middle, -1e3)) / compliance
-
-
-@physics
-def of_sizes(position, middle, compliance):
-    return -(abs(position + 1e3) - abs(position - 1e3)) / compliance - 0.0 * middle
-
-
-@physics
-def push(middle):
-    return middle
+towards = physics(lambda position, middle, c: (middle - position) / c)
+push = physics(lambda middle: middle)
+dead_beyond = physics(
+    lambda position, middle, c: where(position - middle > 1e6, 0.0, (middle - position) / c)
+)
+jumping = physics(lambda position, middle, c: (middle - position) / c + where(position > 0.3, 1.0, 0.0))
+beyond_band = physics(
+    lambda position, middle, c: -(maximum(position - middle, 1e3) + minimum(position - middle, -1e3)) / c
+)
+of_sizes = physics(lambda position, c: -(abs(position + 1e3) - abs(position - 1e3)) / c)
 
 
 @dataclasses.dataclass(frozen=True)
 class Law(Effect):
-    """A law of a user's on the first joint, of its position or a push."""
+    """A law of a user's on the first joint, of its position or a push; c is a compliance."""
 
     law: Callable[..., Any]
     middle: float = 0.3
-    compliance: float = 0.05
+    c: float = 0.05
 
     static = ("law",)
 
@@ -216,19 +199,12 @@ def test_a_name_of_a_file_cannot_break_a_comment(tmp_path):
 
 # ---- other readers -----------------------------------------------------------------------------------
 
-PROGRAMS = {"pybullet": "pybullet", "pinocchio": "pin", "pydrake": "drake"}
-"""Modules of readers, and their names for pip."""
 FIELD = [9.81 * x for x in (*GRAVITY.down, 0.0)]
-
-
-def module(name):
-    reason = f"{name} is not installed: pip install {PROGRAMS[name.partition('.')[0]]}"
-    return pytest.importorskip(name, reason=reason)
 
 
 def in_pybullet(path, form, arm):
     """A function from positions, rates and efforts of the joints to their accelerations."""
-    p = module("pybullet")
+    p = pytest.importorskip("pybullet", reason="PyBullet is not installed: pip install pybullet")
     client = p.connect(p.DIRECT)
     how = {"flags": p.URDF_USE_INERTIA_FROM_FILE, "physicsClientId": client}
     if form == "urdf":
@@ -238,17 +214,15 @@ def in_pybullet(path, form, arm):
     p.setGravity(*FIELD, physicsClientId=client)
     infos = (p.getJointInfo(body, k, client) for k in range(p.getNumJoints(body, client)))
     order = [arm.joints.index(name.decode()) for _, name, kind, *_ in infos if kind != p.JOINT_FIXED]
+    undamped = dict.fromkeys(("jointDamping", "linearDamping", "angularDamping"), 0.0)
     for k in range(p.getNumJoints(body, client)):
-        p.changeDynamics(
-            body, k, jointDamping=0.0, linearDamping=0.0, angularDamping=0.0, physicsClientId=client
-        )
+        p.changeDynamics(body, k, **undamped, physicsClientId=client)
 
     def found(phi, phid, efforts):
         at = phi[order].tolist()
+        still = [0.0] * len(order)
         mass = p.calculateMassMatrix(body, at, physicsClientId=client)
-        bias = p.calculateInverseDynamics(
-            body, at, phid[order].tolist(), [0.0] * len(order), physicsClientId=client
-        )
+        bias = p.calculateInverseDynamics(body, at, phid[order].tolist(), still, physicsClientId=client)
         made = np.empty(len(order))
         made[order] = np.linalg.solve(mass, efforts[order] - bias)
         return made
@@ -257,7 +231,7 @@ def in_pybullet(path, form, arm):
 
 
 def in_pinocchio(path, form, arm):
-    pin = module("pinocchio")
+    pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed: pip install pin")
     model = (pin.buildModelFromUrdf if form == "urdf" else pin.buildModelFromMJCF)(str(path))
     model.gravity.linear = np.array(FIELD)
     data, joints = model.createData(), [model.joints[model.getJointId(name)] for name in arm.joints]
@@ -274,7 +248,7 @@ def in_pinocchio(path, form, arm):
 
 
 def in_drake(path, form, arm):
-    module("pydrake.all")
+    pytest.importorskip("pydrake.all", reason="Drake is not installed: pip install drake")
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import MultibodyPlant
 
@@ -298,27 +272,16 @@ def in_drake(path, form, arm):
     return found
 
 
-def arms(seed):
-    """Both arms with numbers of single precision: PyBullet reads positions and inertias of MJCF so."""
-    rng = np.random.default_rng(seed)
-
-    def drawn(low, high, count):
-        return tuple(rng.uniform(low, high, count).astype(np.float32).tolist())
-
-    return rde.FourR(drawn(0.1, 2.0, 4), drawn(0.1, 1.0, 4)), rde.RPRP(drawn(0.1, 2.0, 4), drawn(0.1, 1.0, 2))
-
-
 @pytest.mark.parametrize("reader", [in_pybullet, in_pinocchio, in_drake])
 @pytest.mark.parametrize("form", ["urdf", "mjcf"])
 def test_other_readers_find_the_accelerations_of_both_arms(form, reader, tmp_path):
-    for arm in arms(0):
+    for arm in two_arms(0):
         for more in ((), (e.Payload(0.75), e.LinkInertia(0.015625))):
             scene = rde.Scene(arm, (GRAVITY, *more))
-            (path := tmp_path / f"arm.{'urdf' if form == 'urdf' else 'xml'}").write_text(
-                document(scene, form).content
-            )
+            path = tmp_path / ("arm.urdf" if form == "urdf" else "arm.xml")
+            path.write_text(document(scene, form).content)
             accelerations, worst = reader(path, form, arm), 0.0
-            q, qd, efforts = states(scene)
+            q, qd, efforts = states(arm)
             expected = ours(scene, q, qd, efforts)
             for row in zip(q @ arm.motor_map, qd @ arm.motor_map, efforts, expected, strict=True):
                 worst = max(worst, np.abs(accelerations(*row[:3]) - row[3]).max() / np.abs(row[3]).max())
