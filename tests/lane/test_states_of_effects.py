@@ -100,7 +100,7 @@ def test_closed_forms_keep_their_digits_in_short_steps(dt):
     motor = rde.effects.DCMotor(resistance=2.0, inductance=0.05, constant=0.1, gear=1.0)
     for effect, steady, rate in ((rde.effects.Lag(0.03), 3.0, 1.0 / 0.03), (motor, 1.5, 40.0)):
         scene = rde.Scene(heavy, (effect,), "rk8", dt)
-        batch, _ = advanced(scene, np.zeros((1, 1)), np.zeros((1, 1)), np.full((1, 1), 3.0))
+        batch, _ = advanced(scene, [0.0], [0.0], [[3.0]])
         np.testing.assert_allclose(batch.z, -steady * np.expm1(-rate * dt), rtol=1e-15)
 
 
@@ -128,11 +128,9 @@ def test_the_time_at_which_a_changing_quantity_is_taken_is_between_a_half_and_on
 
 # ---- states that change by themselves: steps evaluate them apart from the arm ------------------------
 
-BEGUN = np.array([[0.3, 0.5, -0.2, 0.4]]), np.array([[2.0, -1.0, 1.5, 0.5]])
-
 
 def test_a_clock_is_as_exact_as_one_sum():
     """Equal slopes are added as one: an interval adds its length to rounding."""
     scene = rde.Scene(FOUR_R, (e.MovingBase((0.0, 0.0), 1.0),), "rk8", 0.02)
-    batch, _ = advanced(scene, *BEGUN, intervals=500)
+    batch, _ = advanced(scene, *START, intervals=500)
     assert batch.z.item() == pytest.approx(np.cumsum(np.full(500, 0.02))[-1], abs=1e-13)

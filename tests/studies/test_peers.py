@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from catalogue import advanced
 
 import redundant_envs as rde
 from studies import peers
@@ -40,18 +41,12 @@ def mujoco_ends(scene, integrator, dt, start, duration=DURATION, **model):
     return np.stack(peers.mujoco_motion(scene, made, start, duration)[:2])
 
 
-def ours(scene, q, qd, efforts):
-    batch = rde.BatchSimulator(scene, len(q))
-    batch.set_state(q, qd)
-    batch.advance(efforts)
-    return np.stack([batch.q, batch.qd])
-
-
 @pytest.mark.quick("RPRP")
 @pytest.mark.parametrize("name", ROBOTS)
 def test_peers_have_the_same_arm(name):
     scene, start = scene_of(name), states(ROBOTS[name])
-    expected = ours(scene, *start)
+    batch, _ = advanced(scene, *start)
+    expected = np.stack([batch.q, batch.qd])
     assert np.abs(mujoco_ends(scene, "RK4", 2e-4, start) - expected).max() < 1e-10
     few = [x[:4] for x in start]
     for together in (False, True):
