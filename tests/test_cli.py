@@ -80,6 +80,13 @@ def test_export_writes_a_file_and_says_what_it_lacks(tmp_path, capsys):
         ("export four_r_reach --format sdf --out a", "format is 'sdf'; choose mjcf, urdf, casadi, c"),
         ("export rprp_reach --format mjcf --out a", "PrismaticStop (stops are only soft there"),
         ("page --policies nowhere", "nowhere, which is no folder"),
+        ("verify four_r_free nowhere", "'nowhere' is nothing that verify knows"),
+        ("verify four_r_free --json .", "is a folder"),
+        ("verify four_r_free --states 0", "states is 0; give at least 1"),
+        ("verify four_r_free --json /dev/null/found.json", "which is a file; choose another place"),
+        ("verify four_r_free --bits", "leave out subject"),
+        ("verify --bits all --quick", "leave out mode"),
+        ("verify --quick --full", "not allowed with argument"),
     ],
 )  # fmt: skip
 def test_mistakes_exit_with_2_and_write_nothing(words, message, capsys, tmp_path, monkeypatch):
@@ -144,18 +151,19 @@ def test_a_command_ends_in_silence_where_nobody_reads_on(words):
 
 @NEEDS_UNIX
 @pytest.mark.parametrize(
-    ("words", "closed", "status"), [("list", ">&-", 0), ("scene nope", "2>&-", 2)], ids=["list", "scene"]
+    ("words", "streams", "status", "said"),
+    [
+        ("list", ">&-", 0, ""),
+        ("scene nope", "2>&-", 2, ""),
+        ("list", ">/dev/full", 2, "redundant_envs: [Errno 28] No space left on device\n"),
+    ],
+    ids=["list", "scene", "full"],
 )
-def test_a_command_whose_streams_are_closed_does_its_work_and_ends_with_its_own_status(words, closed, status):
-    command = f"{shlex.quote(sys.executable)} -m redundant_envs {words} {closed}"
+def test_a_command_whose_streams_are_closed_does_its_work_and_with_full_ones_says_so(
+    words, streams, status, said
+):
+    if "full" in streams and not os.path.exists("/dev/full"):
+        pytest.skip("this system has no full device")
+    command = f"{shlex.quote(sys.executable)} -m redundant_envs {words} {streams}"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
-    assert (done.returncode, done.stdout, done.stderr) == (status, "", "")
-
-
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no full device")
-def test_a_command_says_once_that_its_output_cannot_be_written():
-    command = [sys.executable, "-m", "redundant_envs", "list"]
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 2
-    assert done.stderr == "redundant_envs: [Errno 28] No space left on device\n"
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", said)

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 import sys
 
 import numpy as np
@@ -164,13 +163,8 @@ def test_reasons_and_errors_stand_in_the_table():
     assert "not applicable, mujoco is not installed: check 3" in text
 
 
-@pytest.fixture
-def few(monkeypatch):
-    """Two checks instead of all, one of which is missed."""
+def test_a_miss_exits_with_1_in_words_and_files(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(report, "CHECKS", checks(FOUND["kept"], FOUND["missed"]))
-
-
-def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
     found = tmp_path / "runs" / "found.json"
     assert main(["verify", "FourR", "four_r_free", "--json", str(found)]) == 1
     out, err = capsys.readouterr()
@@ -184,20 +178,3 @@ def test_a_miss_exits_with_1_in_words_and_files(few, tmp_path, capsys):
         "check": "check 1", "family": "tests", "verdict": "MISSED", "found": 2.0, "bound": 1.0,
         "relation": "at most", "unit": "m", "where": "state 2", "words": "too much",
     }  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("four_r_free nowhere", "'nowhere' is nothing that verify knows"),
-        ("four_r_free --json .", "is a folder"),
-        ("four_r_free --states 0", "states is 0; give at least 1"),
-        ("four_r_free --json /dev/null/found.json", "which is a file; choose another place"),
-        ("four_r_free --bits", "leave out subject"),
-        ("--bits all --quick", "leave out mode"),
-        ("--quick --full", "not allowed with argument"),
-    ],
-)
-def test_a_mistake_in_what_is_asked_for_exits_with_2(words, said, few, capsys):
-    assert main(["verify", *words.split()]) == 2
-    assert re.search(rf"redundant_envs: .*{said}", capsys.readouterr().err)
