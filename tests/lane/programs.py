@@ -10,7 +10,7 @@ import dataclasses
 import hashlib
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import redundant_envs as rde
@@ -87,21 +87,15 @@ def digests(scene: rde.Scene) -> dict[str, list[str]]:
 
 def _by_names(simulator: Simulator) -> str:
     names = {place: name for name, place in simulator.blocks.layout.places().items()}
+
+    def extra(node: Operation) -> object:
+        if node.name == "stage":
+            return _of_subroutine(node.extra)
+        return names.get(node.extra, node.extra) if node.name == "load" else node.extra
+
     told = []
     for f in simulator.program.functions.values():
-        known: dict[Operation, str] = {}
-
-        def of(value: Value, known: dict[Operation, str] = known) -> str:
-            return known[value] if isinstance(value, Operation) else repr(value)
-
-        for node in reached(f.results):
-            extra = node.extra
-            if node.name == "load":
-                extra = names.get(extra, extra)
-            elif node.name == "stage":
-                extra = _of_subroutine(extra)
-            told_node = (node.name, str(extra), *map(of, node.arguments))
-            known[node] = hashlib.sha1("\0".join(told_node).encode()).hexdigest()
+        of = _texts(f.results, extra, repr)
         stores = sorted(f"{names.get((space, row), row)} {of(value)}" for space, row, value in f.stores)
         outputs = sorted(f"{o.array} {o.column} {o.columns} {o.element} {of(o.value)}" for o in f.outputs)
         constants = sorted(f"{names.get(place, place)} {value}" for place, value in f.known.items())
@@ -111,13 +105,22 @@ def _by_names(simulator: Simulator) -> str:
 
 def _of_subroutine(subroutine) -> str:
     """The function that all stages of a step share, by the names of its arguments."""
-    known: dict[Operation, str] = {}
     results = subroutine.traced()[0]
+    of = _texts(results, lambda node: node.extra, lambda constant: bits_of(constant).hex())
+    return "\0".join((*map(of, results), *subroutine.names))
+
+
+def _texts(results, extra: Callable[[Operation], object], constant: Callable[..., str]) -> Callable[..., str]:
+    """A function from the values that some results need to texts of what they are computed by."""
+    known: dict[Operation, str] = {}
+
+    def of(value: Value) -> str:
+        return known[value] if isinstance(value, Operation) else constant(value)
+
     for node in reached(results):
-        arguments = (known[a] if isinstance(a, Operation) else bits_of(a).hex() for a in node.arguments)
-        known[node] = hashlib.sha1("\0".join((node.name, str(node.extra), *arguments)).encode()).hexdigest()
-    given = (known[r] if isinstance(r, Operation) else bits_of(r).hex() for r in results)
-    return "\0".join((*given, *subroutine.names))
+        text = "\0".join((node.name, str(extra(node)), *map(of, node.arguments)))
+        known[node] = hashlib.sha1(text.encode()).hexdigest()
+    return of
 
 
 def recorded() -> dict[str, dict[str, list[str]]]:
