@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from tests.docs.words import count_words
@@ -26,17 +26,16 @@ KINDS = {"HoldingStop", "Stop", "HingeStop", "Wall", "LawChange", "Guard", "Stic
 FLAGS = re.compile(r"\bb\.(joint|bounces|guards|sticks|holds)\b|\bb (not )?in (self\.)?dynamics\.\w+")
 
 
-def lines(folder: Path) -> int:
-    """Lines of the Python files of a folder, or of one file."""
-    files = folder.rglob("*.py") if folder.is_dir() else [folder]
+def lines(files: Iterable[Path]) -> int:
+    """Lines of some files."""
     return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
 
 
 def rooms(folder: Path) -> Iterator[tuple[str, int]]:
     """Lines of each room of a folder; its loose files are one."""
-    inside = [p for p in sorted(folder.iterdir()) if p.is_dir() and any(p.rglob("*.py"))]
-    yield from ((p.name, lines(p)) for p in inside)
-    yield "loose files", sum(lines(p) for p in folder.glob("*.py"))
+    sizes = ((p.name, lines(p.rglob("*.py"))) for p in sorted(folder.iterdir()) if p.is_dir())
+    yield from (room for room in sizes if room[1])
+    yield "loose files", lines(folder.glob("*.py"))
 
 
 def conditions(engine: Path) -> Iterator[ast.expr]:
@@ -58,16 +57,16 @@ def asked_in(test: ast.expr) -> Iterator[str]:
             yield n.attr
 
 
-def counts(engine: list[Path]) -> dict[str, int]:
-    """Counts of the engine, the folders with the lanes of a simulation."""
-    tests = [test for folder in engine for test in conditions(folder)]
+def counts(engine: Path) -> dict[str, int]:
+    """Counts of the engine, the folder with the lanes of a simulation."""
+    tests = [*conditions(engine)]
     asked = [set(asked_in(test)) for test in tests]
     kinds = [
         any({getattr(n, "id", ""), getattr(n, "attr", "")} & KINDS for n in ast.walk(test))
         or bool(FLAGS.search(ast.unparse(test)))
         for test in tests
     ]
-    texts = "\n".join(p.read_text(encoding="utf-8") for folder in engine for p in folder.rglob("*.py"))
+    texts = "\n".join(p.read_text(encoding="utf-8") for p in engine.rglob("*.py"))
     dynamics = re.search(r"\nclass Dynamics\b.*?(?=\n(?:class|def|@) )", texts, re.DOTALL)
     return {
         "branches on features": sum(bool(names & FEATURES) for names in asked),
@@ -79,15 +78,11 @@ def counts(engine: list[Path]) -> dict[str, int]:
 
 def main() -> None:
     for name in ("redundant_envs", "agents", "studies", "tests"):
-        if (ROOT / name).is_dir():
-            print(f"{name}: {lines(ROOT / name)} lines")
-            for room, size in rooms(ROOT / name):
-                print(f"  {room:<22} {size:>6}")
+        print(f"{name}: {lines((ROOT / name).rglob('*.py'))} lines")
+        for room, size in rooms(ROOT / name):
+            print(f"  {room:<22} {size:>6}")
     print(f"docs: {sum(count_words().values())} words")
-    package = ROOT / "redundant_envs"
-    simulator = package / "simulator"
-    engine = [simulator] if simulator.is_dir() else [package / n for n in ("events", "lane", "batch")]
-    for name, count in counts(engine).items():
+    for name, count in counts(ROOT / "redundant_envs" / "simulator").items():
         print(f"{name}: {count}")
 
 
