@@ -164,11 +164,8 @@ def test_the_expert_holds_the_goals(env_id):
 @pytest.mark.long
 @every_scene
 def test_the_lightest_pose_is_within_half_a_turn_and_loads_no_motor_more(name):
-    scene, limits, turning = (
-        SCENES[name],
-        effort_limits(SCENES[name]),
-        ~np.array(SCENES[name].robot.prismatic),
-    )
+    scene = SCENES[name]
+    limits, turning = effort_limits(scene), ~np.array(scene.robot.prismatic)
     start, goal = np.random.default_rng(1).uniform(-9, 9, (24, 4)), drawn_goals(24, 1, 0.9)
     start[:, ~turning] = 0.1
     pose, other = lightest_pose(scene, start, goal), pose_at(scene, start, goal)

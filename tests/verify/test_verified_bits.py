@@ -54,10 +54,7 @@ def itself(self, memo):
 LEAKS = {
     "batch, place and threads": (BatchSimulator, *shown(lambda b, q: q + 1e-15 * np.arange(len(q))[:, None])),
     "neighbours": (BatchSimulator, *shown(lambda b, q: q + 1e-199 * np.abs(b.qd).max(initial=0.0))),
-    "batch, place and threads, again": (
-        BatchSimulator,
-        *shown(lambda b, q: q + 1e-12 * (b.threads > 1)),
-    ),
+    "batch, place and threads, again": (BatchSimulator, *shown(lambda b, q: q + 1e-12 * (b.threads > 1))),
     "parameters of lanes": (BatchSimulator, *shown(lambda b, q: q + 1e-12 * (not b._memory.shared))),
     "copies": (BatchSimulator, "__deepcopy__", itself),
     "copies, again": (Memory, "__getstate__", rounded),
