@@ -142,33 +142,25 @@ def disturbed(arm):
     )  # fmt: skip
 
 
-def motors(arm):
-    """Motors that take a voltage, and joints with friction."""
-    return (
-        e.Armature(0.02), e.Play(0.4), e.DeadZone(0.2), e.DCMotor(2.0, 0.004, 0.3, 1.5), e.Lag(0.01),
-        e.TorqueSpeed(4.0, 20.0), e.QuadraticFriction(0.02), e.SmoothCoulombFriction(0.05, 0.5),
-        e.LuGre(30.0, 0.2, 0.05, 0.1, 0.15, 0.5),
-    )  # fmt: skip
-
-
-def delays(arm):
-    """Commands that arrive two intervals and a half later."""
-    return (e.CommandDelay(0.025, 0.05),)
-
-
-def dry_friction(arm):
-    """Joints that stick and slip."""
-    return (e.CoulombFriction((0.4, 0.3, 0.2, 0.1)),)
-
-
-def obstacles(arm):
-    """A disc that links touch, and a floor and a wall for the tip and for all points."""
-    return (
-        e.Disc((0.6, 0.5), 0.3, 800.0, 0.2, 0.4, 0.1, along_links=True),
-        e.Disc((-0.9, 0.2), 0.3, 500.0, name="left"),
-        e.HalfPlane((0.0, -0.4), (0.2, 1.0), 600.0, 0.1, 0.3),
-        e.HalfPlane((-1.0, 0.0), (1.0, 0.0), 400.0, along_links=True, name="wall"),
-    )
+MOTORS = (
+    e.Armature(0.02), e.Play(0.4), e.DeadZone(0.2), e.DCMotor(2.0, 0.004, 0.3, 1.5), e.Lag(0.01),
+    e.TorqueSpeed(4.0, 20.0), e.QuadraticFriction(0.02), e.SmoothCoulombFriction(0.05, 0.5),
+    e.LuGre(30.0, 0.2, 0.05, 0.1, 0.15, 0.5),
+)  # fmt: skip
+"""Motors that take a voltage, and joints with friction."""
+GEARS = (e.GearBacklash(0.02, 60.0, 0.05, 2.0),)
+"""Motors behind gears with backlash."""
+DELAYS = (e.CommandDelay(0.025, 0.05),)
+"""Commands that arrive two intervals and a half later."""
+DRY_FRICTION = (e.CoulombFriction((0.4, 0.3, 0.2, 0.1)),)
+"""Joints that stick and slip."""
+OBSTACLES = (
+    e.Disc((0.6, 0.5), 0.3, 800.0, 0.2, 0.4, 0.1, along_links=True),
+    e.Disc((-0.9, 0.2), 0.3, 500.0, name="left"),
+    e.HalfPlane((0.0, -0.4), (0.2, 1.0), 600.0, 0.1, 0.3),
+    e.HalfPlane((-1.0, 0.0), (1.0, 0.0), 400.0, along_links=True, name="wall"),
+)
+"""A disc that links touch, and a floor and a wall for the tip and for all points."""
 
 
 def bodies(arm):
@@ -188,19 +180,14 @@ def joint_stops(arm):
     return (e.JointStop((*lower,), (None, *[*upper][1:]), 0.5),)
 
 
-def gears(arm):
-    """Motors behind gears with backlash."""
-    return (e.GearBacklash(0.02, 60.0, 0.05, 2.0),)
-
-
 GROUPS = {
-    "motors": motors,
-    "gears": gears,
-    "delays": delays,
-    "stiction": dry_friction,
+    "motors": lambda arm: MOTORS,
+    "gears": lambda arm: GEARS,
+    "delays": lambda arm: DELAYS,
+    "stiction": lambda arm: DRY_FRICTION,
     "disturbed": disturbed,
     "bodies": bodies,
-    "obstacles": obstacles,
+    "obstacles": lambda arm: OBSTACLES,
     "joint stops": joint_stops,
 }
 """Groups of effects that ``every_effect`` does not have: functions of an arm."""

@@ -21,7 +21,7 @@ from redundant_envs.scenes.scene import scene_names
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.checks import check_task
 from tests import catalogue
-from tests.catalogue import FOUR_R, RPRP, delays, dry_friction, joint_stops, springs, stops
+from tests.catalogue import DELAYS, DRY_FRICTION, FOUR_R, RPRP, joint_stops, springs, stops
 from tests.outside.wall import Wall
 
 e = rde.effects
@@ -31,26 +31,26 @@ RECORD = Path(__file__).with_name("programs.json")
 def together() -> Iterator[tuple[str, rde.Scene]]:
     """Effects that meet in no scene of the catalogue: walls, stops, dry friction, guards, and instants."""
     motor, at_stops = e.TorqueSpeed(4.0, 20.0), (stops(RPRP),)
-    stops_and_delays = (*at_stops, *delays(RPRP))
-    joints = (*joint_stops(RPRP), *dry_friction(RPRP), motor, *delays(RPRP))
-    many = (*catalogue.every_effect(RPRP)[:-1], Wall(), *dry_friction(RPRP), *delays(RPRP))
+    stops_and_delays = (*at_stops, *DELAYS)
+    joints = (*joint_stops(RPRP), *DRY_FRICTION, motor, *DELAYS)
+    many = (*catalogue.every_effect(RPRP)[:-1], Wall(), *DRY_FRICTION, *DELAYS)
     stepped = {"integrator": "rk8", "substeps": 1, "tolerance": None}
     accurate = {"tolerance": 1e-6}
     for name, arm, effects, numerics in (
         ("wall rk8", FOUR_R, (Wall(),), stepped),
         ("wall 1e-6", RPRP, (Wall(), *at_stops), accurate),
-        ("wall friction 1e-6", FOUR_R, (Wall(), *dry_friction(FOUR_R)), accurate),
+        ("wall friction 1e-6", FOUR_R, (Wall(), *DRY_FRICTION), accurate),
         ("wall dop853", RPRP, (Wall(), *at_stops), {"integrator": "dop853"}),
         ("stops delays rk8", RPRP, stops_and_delays, stepped),
         ("stops delays 1e-6", RPRP, stops_and_delays, accurate),
         ("stops delays substeps", RPRP, stops_and_delays, {"integrator": "rk4", "substeps": 3}),
         ("stops delays dop853", RPRP, stops_and_delays, {"integrator": "dop853"}),
         ("stops guards 1e-6", RPRP, (*at_stops, motor), accurate),
-        ("friction delays 1e-6", FOUR_R, (*dry_friction(FOUR_R), *delays(FOUR_R)), accurate),
-        ("friction dop853", FOUR_R, dry_friction(FOUR_R), {"integrator": "dop853"}),
+        ("friction delays 1e-6", FOUR_R, (*DRY_FRICTION, *DELAYS), accurate),
+        ("friction dop853", FOUR_R, DRY_FRICTION, {"integrator": "dop853"}),
         ("joint stops guards dop853", RPRP, (*joint_stops(RPRP), motor), {"integrator": "dop853"}),
         ("joint stops friction guards delays 1e-6", RPRP, joints, accurate),
-        ("limits stops friction 1e-6", RPRP, (*springs(RPRP), *at_stops, *dry_friction(RPRP)), accurate),
+        ("limits stops friction 1e-6", RPRP, (*springs(RPRP), *at_stops, *DRY_FRICTION), accurate),
         ("everything stops friction wall delays 1e-6", RPRP, many, accurate),
     ):
         yield f"together: {name}", rde.Scene(arm, effects, control_dt=0.01, **numerics)
