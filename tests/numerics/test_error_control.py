@@ -1,4 +1,7 @@
-"""Local steps for every lane: enough for the tolerance, and decided by that lane alone."""
+"""Local steps for every lane: enough for the tolerance, and decided by that lane alone.
+
+``model/test_trajectory.py`` has known motions of dop853, and that more times do not change one.
+"""
 
 import dataclasses
 import itertools
@@ -6,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from catalogue import advanced
+from catalogue import EQUAL, RPRP, advanced
 
 import redundant_envs as rde
 from redundant_envs.simulator.lane.faults import Control, Fault
@@ -33,9 +36,6 @@ def lab_states(n=4096, seed=0):
 
 def tip_errors(one, other):
     return np.linalg.norm(np.subtract(*(x.scene.robot.forward_kinematics(x.q) for x in (one, other))), axis=1)
-
-
-# ---- intervals -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("tolerance", "most"), [(1e-6, 13), (1e-12, 50)])
@@ -69,7 +69,7 @@ def test_a_motion_that_depends_on_the_last_digit_of_its_start_is_flagged():
 
 @pytest.mark.long
 def test_a_lane_is_that_many_fixed_steps_bit_for_bit():
-    arm, (q, qd, efforts) = rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)), lab_states(200, 1)
+    arm, (q, qd, efforts) = RPRP, lab_states(200, 1)
     q[:, [1, 3]] *= 0.05
     got, status = advanced(rde.Scene(arm, FREE, tolerance=1e-11), q, qd, efforts)
     used = np.zeros(200)
@@ -212,3 +212,35 @@ def test_an_interval_has_to_come_out_the_same_where_its_estimate_is_doubtful(kno
 def test_many_impacts_behind_a_kink_end_with_a_flag():
     found = ended(1e-9, change=0.3, steps=256.0, impacts=63.0, kinked=True)
     assert found == (End.CROSSED, Fault.TOLERANCE_NOT_REACHED)
+
+
+# ---- dop853: what SciPy's does in as many evaluations, and motions that it gives up --------------------
+
+
+@pytest.mark.long
+def test_scipy_agrees_and_needs_as_many_evaluations():
+    integrate = pytest.importorskip("scipy.integrate", reason="SciPy is in the extra verify")
+    arm = RPRP
+    q, qd, efforts = (-1.2, 0.2, -0.4, 0.1), (0.5, -0.3, 0.2, 0.4), (1.5, -0.7, 0.4, 0.2)
+
+    def slope(t, y):
+        return np.r_[y[4:], arm.forward_dynamics(y[:4], y[4:], arm.motor_map @ efforts, 9.81)]
+
+    peer = integrate.solve_ivp(slope, (0, 1), [*q, *qd], "DOP853", rtol=1e-13, atol=1e-14)
+    batch = rde.BatchSimulator(rde.Scene(arm, (e.Gravity(),), "dop853", 1.0))
+    batch.set_state(q, qd)
+    assert batch.advance([efforts]).evaluations[0] <= 1.2 * peer.nfev
+    np.testing.assert_allclose([*batch.q[0], *batch.qd[0]], peer.y[:, -1], rtol=0, atol=1e-10)
+
+
+def test_a_motion_that_overflows_ends():
+    batch = rde.BatchSimulator(rde.Scene(EQUAL["RPRP"], (e.Gravity(),), integrator="dop853"), 2)
+    batch.set_state([0.3, 0.1, -0.4, 0.2], [[0, 1e200, 0, 0], [0, 0, 0, 0]])
+    before = np.c_[batch.q, batch.qd]
+    status = batch.advance()
+    assert status.numerics[0] & rde.Numerics.TOLERANCE_NOT_REACHED
+    assert status.numerics[0] & rde.Numerics.NO_STEP_FOUND
+    assert status.numerics[1] == 0
+    np.testing.assert_array_equal(np.c_[batch.q, batch.qd][0], before[0])
+    with pytest.raises(ValueError, match=r"dop853 finds no step .* at t = 0 s"):
+        rde.simulate(batch.scene, [0.3, 0.1, -0.4, 0.2], [0, 1e200, 0, 0], [1.0])
