@@ -1,5 +1,9 @@
-"""Pages: their Python blocks run alone, links lead somewhere, pictures and tables are made again."""
+"""Pages: their Python blocks run alone, links lead somewhere, pictures and tables are made again.
 
+Pages of effects have the numbers of the code, and their examples run.
+"""
+
+import dataclasses
 import importlib.util
 import re
 import runpy
@@ -13,7 +17,10 @@ from markdown import MANUAL, PAGES, README, ROOT, anchors, blocks, prose, text
 from words import MAX_WORDS, count_words
 
 import redundant_envs as rde
-from redundant_envs.effects import REGISTRY
+from redundant_envs.effects import OWN, REGISTRY
+from redundant_envs.effects.hooks import snake_case
+from redundant_envs.scenes.files import config_folder
+from studies.effects import load_study
 
 SLOW = ("torch.optim.Adam", "model.learn(", "config.build_algo(")
 """In blocks that take seconds; beside them shorter ones use the same functions."""
@@ -102,3 +109,39 @@ def test_the_results_of_the_readme_and_thumbnails_are_made_again(tmp_path):
     page.write_text("".join(line for line in lines if "| SAC |" not in line), encoding="utf-8")
     remake["results"](page)
     assert text(page) == text(README), "run python docs/figures/remake.py"
+
+
+# ---- pages of effects ----------------------------------------------------------------------------------
+
+EFFECT_PAGES = ROOT / "docs" / "effects"
+STUDY = load_study(config_folder("studies") / "effects.yaml")
+EVERY = pytest.mark.parametrize("name", OWN)
+
+
+def page_of(name):
+    return EFFECT_PAGES / f"{snake_case(name)}.md"
+
+
+def test_every_page_is_of_an_effect():
+    pages = {path.stem for path in EFFECT_PAGES.glob("*.md")} - {"README"}
+    assert pages == {snake_case(name) for name in OWN}
+
+
+@EVERY
+def test_the_numbers_of_a_page_are_those_of_the_effect_with_their_units(name):
+    section = text(page_of(name)).partition("\n## Numbers\n")[2].partition("\n## ")[0]
+    rows = [line.split("|")[1:3] for line in section.splitlines() if line.startswith("| `")]
+    units = {re.match(r" `(?:\w+\.)*(\w+)", number)[1]: unit for number, unit in rows}
+    assert set(units) == {field.name for field in dataclasses.fields(OWN[name]) if field.init}
+    entry = STUDY.entries[name]
+    for number, unit in entry.effect.units(entry.arm.robot).items():
+        assert unit in units[number.partition("[")[0]], number
+
+
+@pytest.mark.quick("Armature")
+@EVERY
+def test_the_example_of_a_page_runs_and_has_the_effect(name, capsys):
+    ((_, _, block),) = blocks(page_of(name), "python")
+    assert name in block
+    exec(compile(block, str(page_of(name)), "exec"), {"__name__": "__main__"})
+    assert 1 <= len(capsys.readouterr().out.splitlines()) <= 30

@@ -1,4 +1,4 @@
-"""Tutorials are followed literally in an empty folder, and fail where a reader would fail.
+"""Notebooks run; tutorials are followed literally in an empty folder, and fail where a reader would fail.
 
 A block whose first line is a comment with nothing but a file name (``# third_arm.py``) is saved under that
 name. Of the others, ``python`` blocks run as scripts, ``console`` blocks as the commands behind ``$ `` (the
@@ -7,6 +7,7 @@ other lines show output), and ``shell`` blocks as a whole; ``text`` blocks are o
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -14,11 +15,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from markdown import ROOT, blocks
+from markdown import ROOT, blocks, text
 
 pytestmark = pytest.mark.long
 
-FOLDER = ROOT / "docs" / "tutorials"
+DOCS = ROOT / "docs"
+PATHS = os.pathsep.join((str(ROOT), str(ROOT / "agents")))
 BASH = ["bash", "-e", "-o", "pipefail", "-c"]
 
 
@@ -26,9 +28,8 @@ def run_tutorial(page: Path, folder: Path) -> list[str]:
     """Follow a page; return what each block printed, errors included. A block that nothing runs, or that ends
     with a status other than 0, is a failure."""
     outputs = []
-    paths = os.pathsep.join((str(ROOT), str(ROOT / "agents")))
     found = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
-    environment = {**os.environ, "PATH": found, "PYTHONPATH": paths, "MPLBACKEND": "Agg"}
+    environment = {**os.environ, "PATH": found, "PYTHONPATH": PATHS, "MPLBACKEND": "Agg"}
     for line, language, block in blocks(page):
         if language in ("", "text"):
             continue
@@ -54,7 +55,21 @@ def run_tutorial(page: Path, folder: Path) -> list[str]:
 @pytest.mark.parametrize(("page", "result"), [("third_arm.md", "hold"), ("moving_target.md", "touch")])
 def test_a_tutorial_is_followed_to_its_trained_policy(page, result, tmp_path):
     """Some 25 and 110 s on two cores that other work shared."""
-    outputs = run_tutorial(FOLDER / page, tmp_path)
+    outputs = run_tutorial(DOCS / "tutorials" / page, tmp_path)
     assert any("0 missed" in output for output in outputs)  # by verify
     assert f'"{result}_success"' in outputs[-1]
     assert (tmp_path / "run" / "policy.zip").exists()
+
+
+@pytest.mark.parametrize("source", sorted((DOCS / "notebooks").iterdir()), ids=lambda path: path.stem)
+def test_a_notebook_runs_and_each_cell_shows_something(source, tmp_path, monkeypatch):
+    """Its compiled programs are not yet kept. A cell that writes to standard error or leaves a file fails."""
+    for extra in ("nbclient", "ipykernel", "torch", "stable_baselines3", "sympy", "matplotlib"):
+        pytest.importorskip(extra)
+    monkeypatch.syspath_prepend(str(DOCS / "site"))
+    import notebooks
+
+    more = {"PYTHONPATH": PATHS, "REDUNDANT_ENVS_CACHE": str(tmp_path / "kernels")}
+    notebooks.run(source, tmp_path / "made.ipynb", more)
+    made = json.loads(text(tmp_path / "made.ipynb"))
+    assert all(cell["outputs"] for cell in made["cells"] if cell["cell_type"] == "code")

@@ -1,6 +1,6 @@
 """What every effect of the package promises, by rows: a new effect has them all.
 
-The equation of an effect is tried in a file of its own, and its page in ``tests/docs/test_effect_pages.py``.
+The equation of an effect is tried in a file of its own, and its page in ``tests/docs/test_pages.py``.
 """
 
 import copy
