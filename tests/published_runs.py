@@ -1,7 +1,8 @@
-"""Run folders of shipped policies, made again from their files and the table of runs."""
+"""Tables, and run folders of shipped policies, made again from their files and the table of runs."""
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -10,6 +11,12 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
+
+
+def rows(table: Path) -> list[dict[str, str]]:
+    """Rows of a file of CSV."""
+    with table.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
 def published_run(name: str, folder: Path) -> Path:

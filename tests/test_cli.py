@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import shlex
 import subprocess
@@ -13,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
+from published_runs import rows
 
 from redundant_envs import bill, listing, load_scene
 from redundant_envs.__main__ import main
@@ -22,11 +22,6 @@ from redundant_envs.scenes.tableaus import METHODS
 CHAIN = "robot: {type: Chain, joint_types: RR, masses: [1, 1], lengths: [0.2, 0.2]}\n"
 SCENES = ", ".join(scene_names())
 NEEDS_UNIX = pytest.mark.skipif(sys.platform == "win32", reason="Windows has other pipes and terminals")
-
-
-def rows(path):
-    with path.open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.mark.long

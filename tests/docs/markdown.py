@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-README, RESULTS = ROOT / "README.md", ROOT / "docs" / "results"
+README = ROOT / "README.md"
 MANUAL = [README, *sorted((ROOT / "docs").glob("*.md"))]
 """Pages for users: without tutorials, effects and results."""
 PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -16,12 +15,6 @@ PAGES += sorted((ROOT / "policies").glob("*/README.md"))
 
 def text(page: Path) -> str:
     return page.read_text(encoding="utf-8")
-
-
-def rows(name: str) -> list[dict[str, str]]:
-    """A table of the results."""
-    with (RESULTS / name).open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 def prose(page: Path) -> str:

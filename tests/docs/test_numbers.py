@@ -6,7 +6,8 @@ import shlex
 import gymnasium as gym
 import pytest
 from catalogue import IDS
-from markdown import README, RESULTS, ROOT, blocks, rows, text
+from markdown import README, ROOT, blocks, text
+from published_runs import RESULTS, rows
 
 from redundant_envs.scenes.scene import ACCURACIES
 from redundant_envs_train.evidence.runs import read_runs
@@ -23,7 +24,7 @@ def test_evaluations_of_a_control_step_are_those_that_the_page_measures(capsys):
     ((*_, program),) = blocks(ROOT / "docs" / "accuracy.md", "python")
     exec(program, {})
     measured = re.findall(r": ([\d.]+) evaluations per control step", capsys.readouterr().out)
-    learned = {r["arm"]: r for r in rows("policy/physics.csv") if r["physics"] == "standard"}
+    learned = {r["arm"]: r for r in rows(RESULTS / "policy" / "physics.csv") if r["physics"] == "standard"}
     trained = [f"{float(learned[arm]['evaluations_per_step']):.1f}" for arm in ("RPRP", "4R")]
     for start, expected in (("random, ", measured), ("a trained policy ", trained)):
         stated = re.search(rf"^\| {start}.*? \| ([\d.]+) \| ([\d.]+) \|$", page("accuracy"), re.M)
@@ -32,7 +33,7 @@ def test_evaluations_of_a_control_step_are_those_that_the_page_measures(capsys):
 
 def test_speeds_are_those_of_the_tables():
     stated = re.findall(r"^\| ([^|]+) \| ([^|]+) \|[^|]*\|$", page("speed"), re.M)
-    steps, speeds = rows("throughput.csv"), rows("environments.csv")
+    steps, speeds = (rows(RESULTS / f"{name}.csv") for name in ("throughput", "environments"))
     times = [float(r["ns_per_step_best"]) for r in steps if r["arm"] in ("RPRP", "FourR")]
     assert [v for _, v in stated if v.endswith(" ns")] == [f"{t:.{1 if t < 100 else 0}f} ns" for t in times]
     columns = ("vector_steps_per_s_best", "vector_one_rk8_step_best", "vector_renewed_actions_best")
@@ -64,9 +65,8 @@ def test_what_an_error_costs_is_what_the_study_wrote():
     ("name", "source"), [("learners", "runs"), ("learners", "baselines"), ("strength", "weak")]
 )
 def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
-    made = [
-        line for line in results_table([RESULTS / f"{source}.jsonl"]).splitlines() if line.startswith("| ")
-    ]
+    table = results_table([RESULTS / f"{source}.jsonl"])
+    made = [line for line in table.splitlines() if line.startswith("| ")]
     assert len(made) >= 8
     assert [row for row in made if row not in page(name)] == []
     assert brief_table([RESULTS / "runs_200.jsonl"]) in page("learners")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import importlib.util
 import re
@@ -10,6 +9,7 @@ import re
 import numpy as np
 import pytest
 import yaml
+from published_runs import rows
 
 import redundant_envs as rde
 from redundant_envs.scenes.files import config_folder
@@ -62,18 +62,16 @@ def test_the_study_writes_its_files_and_draws_its_figures_again(tmp_path):
     # Which of them is the cheapest is a matter of time, and tests share their machine.
     text = page.read_text(encoding="utf-8")
     assert re.search(r"\| 4R \| 1 mm \| rk[48], \d x \d+ ms \| [\d.]+ [nu]s \|", text)
-    with files[0].open(encoding="utf-8") as file:
-        by = {(r["method"], r["setting"]): r for r in csv.DictReader(file)}
+    by = {(r["method"], r["setting"]): r for r in rows(files[0])}
     assert len(by) == 3 + 3 + 2
     assert float(by["rk8", "2 x 10 ms"]["evaluations"]) == 24.0
     # The same method on the same arm makes the same error, in every implementation.
     ours, theirs = (float(by[m, "4 x 5 ms"]["tip_mm_median"]) for m in ("rk4", "MuJoCo RK4"))
     assert ours == pytest.approx(theirs, rel=1e-3)
     assert float(by["rk4", "1 x 20 ms"]["tip_mm_median"]) > 50 * ours
-    with files[1].open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [r["method"] for r in rows] == ["rk4", "rk4", "rk8", "MuJoCo RK4"]
-    assert float(rows[2]["energy_rate_median"]) < float(rows[0]["energy_rate_median"])
+    runs = rows(files[1])
+    assert [r["method"] for r in runs] == ["rk4", "rk4", "rk8", "MuJoCo RK4"]
+    assert float(runs[2]["energy_rate_median"]) < float(runs[0]["energy_rate_median"])
     before = {path: path.read_bytes() for path in files if path.suffix == ".png"}
     accuracy_plots.save_figures(accuracy_plots.read(study, tmp_path), study, tmp_path)
     assert {path: path.read_bytes() for path in before} == before
