@@ -5,22 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
+from redundant_envs.algebra import clamp, exp, floor, log, logical_not, maximum, minimum, sincos, sqrt, where
 from redundant_envs.compiler.backends.torch import torch
 from redundant_envs.compiler.tracing.graph import Graph
 from redundant_envs.compiler.tracing.number import Number
-from redundant_envs.language.algebra import (
-    ABSENT,
-    clamp,
-    exp,
-    floor,
-    log,
-    logical_not,
-    maximum,
-    minimum,
-    sincos,
-    sqrt,
-    where,
-)  # fmt: skip
+from redundant_envs.language.algebra import ABSENT
 from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.moving import Moving, kinks_in, moving
 

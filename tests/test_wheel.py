@@ -153,8 +153,6 @@ def test_the_wheel_tells_what_it_is(wheel):
     assert about["License-Expression"] == "MIT"
 
 
-# ---- imports -----------------------------------------------------------------------------------------
-
 FIRST_IMPORTS = """
 import importlib, sys, traceback
 for name in ("__main__", "algebra", "effects", "robots.arm", "scenes.scene", "tasks.reach", "envs.check"):

@@ -37,9 +37,6 @@ def scene(restitution=0.5, upper=0.3, **kwargs):
     return rde.Scene(RPRP, effects, **kwargs)
 
 
-# ---- events that are over within a step ----------------------------------------------------------------
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("tolerance", [1e-6, None])
 def test_events_undone_within_the_interval_are_found(tolerance):
@@ -86,9 +83,6 @@ def test_a_release_near_the_end_of_an_euler_step_is_found_in_it():
     steps = [x.time / 0.02 for x in motion.events if x.kind == "release" and x.time > 0.0]
     assert steps
     assert all(abs(n - round(n)) > 1e-3 for n in steps)
-
-
-# ---- accuracy and cost of searches ---------------------------------------------------------------------
 
 
 @pytest.mark.quick("{'integrator': 'euler'}-10-100")

@@ -68,9 +68,6 @@ def test_no_order_of_calls_breaks_a_promise(face, seed):
     assert judged(case) == [], case
 
 
-# ---- drawing, and files --------------------------------------------------------------------------------
-
-
 def test_a_case_is_its_seed_and_number_and_its_file(tmp_path):
     for number in range(6):
         texts = [repr(drawn(3, number)) for _ in range(2)]

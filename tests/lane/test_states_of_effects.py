@@ -126,9 +126,6 @@ def test_the_time_at_which_a_changing_quantity_is_taken_is_between_a_half_and_on
     np.testing.assert_allclose(shares[2900:3200], np.array(exact, float), rtol=0.0, atol=1.5e-12)
 
 
-# ---- states that change by themselves: steps evaluate them apart from the arm ------------------------
-
-
 def test_a_clock_is_as_exact_as_one_sum():
     """Equal slopes are added as one: an interval adds its length to rounding."""
     scene = rde.Scene(FOUR_R, (e.MovingBase((0.0, 0.0), 1.0),), "rk8", 0.02)

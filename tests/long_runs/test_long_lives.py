@@ -18,12 +18,6 @@ MEGABYTE = 1e6
 ID = "redundant_envs/RPRPReach-v0"
 
 
-def alone(measure):
-    """What a process of its own measures."""
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return pool.apply(measure)
-
-
 def resident():
     """Resident memory of this process, bytes."""
     gc.collect()
@@ -68,5 +62,6 @@ def growths():
 )
 def test_memory_grows_neither_with_episodes_nor_with_makes():
     """A cache of data about functions reaches its 256 entries after 300 makes or so: 1 MB."""
-    found = alone(growths)
+    with multiprocessing.get_context("spawn").Pool(1) as alone:
+        found = alone.apply(growths)
     assert (np.array(found) < np.array((1.0, 1.0, 0.3)) * MEGABYTE).all(), found

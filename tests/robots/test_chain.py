@@ -6,28 +6,20 @@ import pickle
 
 import numpy as np
 import pytest
+from catalogue import FOUR_R, RPRP
+from foreign import states
 
 import redundant_envs as rde
 from redundant_envs.verify.subjects import subject_of
 
 e = rde.effects
-BY_HAND = {
-    "RPRP": rde.RPRP((2.0, 1.5, 1.0, 0.5), (0.3, 0.5)),
-    "RRRR": rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6)),
-}
+BY_HAND = {"RPRP": RPRP, "RRRR": FOUR_R}
 WORDS = ["R", "PP", "RPP", "PRRP", "RPRRPRRPRR"]
 
 
 def chain_of(types):
     rng = np.random.default_rng(len(types))
     return rde.Chain(types, rng.uniform(0.5, 2.0, len(types)), rng.uniform(0.3, 1.0, types.count("R")))
-
-
-def states(arm, count=50):
-    rng = np.random.default_rng(1)
-    q = rng.uniform(-3.0, 3.0, (count, len(arm.joints)))
-    q[:, arm.sliders()] *= 0.2
-    return q, rng.normal(0.0, 3.0, q.shape), rng.normal(0.0, 5.0, q.shape)
 
 
 OF_Q = "mass_matrix gravity_forces points forward_kinematics jacobian potential_energy manipulability"

@@ -84,8 +84,7 @@ def test_the_states_see_each_printed_misprint_whose_size_is_that_of_the_errata(a
 
 # ---- each line that the report prints, but for the misprints of docs/errata.md -----------------------
 
-PRINTED_ARMS = {"RPRP": rde.RPRP, "FourR": rde.FourR}
-ROWS = [(kind, *key) for kind in PRINTED_ARMS for key in lines(kind)]
+ROWS = [(kind, *key) for kind in ("RPRP", "FourR") for key in lines(kind)]
 WRONG = {"RPRP": {"KE", "H1 + G1", "H3 + G3"}, "FourR": {"M33", "H4 + G4"}}
 STEP = 1e-30
 """Of a derivative by a complex step, which is exact."""
@@ -112,7 +111,7 @@ def test_a_printed_line_is_what_the_code_computes(kind, section, name):
     for _ in range(4):
         masses, lengths = rng.uniform(0.3, 3.0, 4), rng.uniform(0.3, 2.0, 2 if kind == "RPRP" else 4)
         q, qd = rng.uniform(-2.0, 2.0, (2, 4))
-        arm = PRINTED_ARMS[kind](masses, lengths)
+        arm = getattr(rde, kind)(masses, lengths)
         numbers = numbers_of(kind, masses, lengths, q, qd, g)
         later = numbers_of(kind, masses, lengths, q + 1j * STEP * qd, qd, g)
         for (_, point), (line, _) in found.items():

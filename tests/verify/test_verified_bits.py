@@ -4,6 +4,7 @@ import copy
 
 import numpy as np
 import pytest
+from catalogue import FOUR_R
 
 import redundant_envs as rde
 from redundant_envs.envs.core import Core
@@ -19,9 +20,7 @@ from redundant_envs.verify.subjects import subject_of
 e = rde.effects
 BITS = checks_of(bits)
 STATES = 80
-SCENE = rde.Scene(
-    rde.FourR((2.0, 1.5, 1.0, 0.5), (0.3, 0.5, 0.4, 0.6)), (e.Gravity(), e.Lag(0.05)), "rk4", 0.01
-)
+SCENE = rde.Scene(FOUR_R, (e.Gravity(), e.Lag(0.05)), "rk4", 0.01)
 
 
 def red(thing, checks):

@@ -11,22 +11,12 @@ import redundant_envs as rde
 from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
 from redundant_envs.language.algebra import exp, maximum, physics, where
 from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
-from redundant_envs.verify import (
-    Mode,
-    Subject,
-    Verdict,
-    conservation,
-    evaluators,
-    hints,
-    impacts,
-    symmetries,
-    verify,
-)
+from redundant_envs.verify import Mode, Verdict, conservation, evaluators, hints, impacts, symmetries, verify
 from redundant_envs.verify.accuracy import flagged, order
 from redundant_envs.verify.checks import Sample, checks_of
 from redundant_envs.verify.conservation import energy_book
 from redundant_envs.verify.forces import forces_at_switches, potentials
-from redundant_envs.verify.subjects import subject_of
+from redundant_envs.verify.subjects import Subject, subject_of
 from studies.kinked_effects import SmoothFriction
 
 e = rde.effects
