@@ -237,35 +237,21 @@ def test_where_the_folder_is(tmp_path, monkeypatch, variables, expected):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.fixture
-def refused(load):
-    """Nothing is taken from a folder or put there: the warning."""
-
-    def run(folder):
-        names = sorted(folder.rglob("*"))
-        warned, told = load(folder)
-        assert "kept in memory only" in warned
-        assert told.count(ALONE) == 1
-        assert sorted(folder.rglob("*")) == names
-        return warned
-
-    return run
-
-
 @unix
-@pytest.mark.parametrize("mode", [0o777, 0o720, 0o702])
-def test_a_folder_that_others_may_write_to_is_not_taken(folder, load, refused, mode):
+@pytest.mark.parametrize("mode", [0o777, 0o720, 0o702, 0o755])
+def test_a_folder_that_others_may_write_to_or_own_is_not_taken(folder, load, monkeypatch, mode):
+    """Made first under a name where anybody may write, or that of a HOME which root has kept."""
+    names, owner, others = sorted(folder.rglob("*")), folder.stat().st_uid, mode == 0o755
     folder.chmod(mode)
-    assert "chmod go-w" in refused(folder)
+    with monkeypatch.context() as context:
+        context.setattr(os, "geteuid", lambda: owner + others)
+        warned, told = load(folder)
+    assert (f"belongs to user {owner}" if others else "chmod go-w") in warned
+    assert "kept in memory only" in warned
+    assert told.count(ALONE) == 1
+    assert sorted(folder.rglob("*")) == names
     folder.chmod(0o755)
     assert load(folder) == ("", "")
-
-
-@unix
-def test_another_users_folder_is_not_taken(folder, refused, monkeypatch):
-    """Made first under a name where anybody may write, or that of a HOME which root has kept."""
-    monkeypatch.setattr(os, "geteuid", lambda: 1 + folder.stat().st_uid)
-    assert f"belongs to user {folder.stat().st_uid}" in refused(folder)
 
 
 def of_another_user(status):
