@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from redundant_envs.effects import CoulombFriction, Lag, SmoothCoulombFriction
-from redundant_envs.effects.hooks import Force, Impact
+from redundant_envs.effects.hooks import Force, Impact, at_each_joint
 from redundant_envs.language.algebra import maximum, minimum, physics, where
 from redundant_envs.model.batch import Event
 from redundant_envs.model.energy import at_joints, scene_quantities
@@ -269,17 +269,14 @@ def against_load(rate, effort, level):
 class SignOfRate(CoulombFriction):
     """Opposes the sign of the rate, and does nothing at rest."""
 
-    def hooks(self, arm):
-        return tuple(Force(k, against_rate, bound(k)) for k in range(len(arm.joints)))
+    hooks = at_each_joint(lambda self, k, _: Force(k, against_rate, bound(k)))
 
 
 @dataclasses.dataclass(frozen=True)
 class DeadBand(CoulombFriction):
     """Opposes the rate outside a band of 0.01 rad/s, and balances the effort of the motor in it."""
 
-    def hooks(self, arm):
-        joints = range(len(arm.joints))
-        return tuple(Force(k, against_load, bound(k) | {"effort": f"command{k + 1}"}) for k in joints)
+    hooks = at_each_joint(lambda self, k, _: Force(k, against_load, bound(k) | {"effort": f"command{k + 1}"}))
 
 
 class ChatteringFriction(OtherFriction):

@@ -10,6 +10,7 @@ from catalogue import FOUR_R, advanced
 import redundant_envs as rde
 from redundant_envs import effects as e
 from redundant_envs.effects import Effect, Force, State, lu_gre
+from redundant_envs.effects.hooks import at_each_joint
 from redundant_envs.language.algebra import exp, physics
 from redundant_envs.simulator.lane.closed_forms import share
 
@@ -30,10 +31,8 @@ class LaggingDrag(Effect):
 
     static = ("declared", "closed")
 
-    def hooks(self, arm):
-        return tuple(self.force(k) for k in range(len(arm.joints)))
-
-    def force(self, k):
+    @at_each_joint
+    def hooks(self, k, arm):
         bind = {"value": f".value[{k}]", "aim": f"phid{k + 1}", "rate": ".rate"}
         state = State(
             f"value[{k}]", "rad/s", derivative=approach, bind=bind, rate=itself if self.declared else None,
@@ -119,8 +118,7 @@ def test_bristles_keep_their_digits_in_short_steps():
 def test_the_time_at_which_a_changing_quantity_is_taken_is_between_a_half_and_one():
     decays = np.concatenate([10.0 ** np.linspace(-300.0, 300.0, 6001), [0.0]])
     shares = share(decays)
-    assert (shares >= 0.5).all()
-    assert (shares <= 1.0).all()
+    assert ((shares >= 0.5) & (shares <= 1.0)).all()
     with mpmath.workdps(40):
         exact = [1 / -mpmath.expm1(-mpmath.mpf(x)) - 1 / mpmath.mpf(x) for x in decays[2900:3200]]
     np.testing.assert_allclose(shares[2900:3200], np.array(exact, float), rtol=0.0, atol=1.5e-12)

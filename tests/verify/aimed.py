@@ -17,7 +17,7 @@ import numpy as np
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Link, State
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Link, State, at_each_joint, effort_unit
 from redundant_envs.language.algebra import clamp, maximum, physics, where
 from redundant_envs.scenes.files import read_yaml
 from redundant_envs.support.values import typed
@@ -37,14 +37,12 @@ class Lag(Effect):
 
     time_constant: float
 
-    def hooks(self, arm):
-        links = []
-        for k, unit in enumerate("N" if slides else "N m" for slides in arm.prismatic):
-            own = {"effort": f".effort[{k}]", "time_constant": ".time_constant"}
-            bind = {"command": f"command{k + 1}", **own}
-            state = State(f"effort[{k}]", unit, derivative=approach, bind=bind, rate=fastest_change)
-            links.append(Actuation(k, effort_of, own, Link.LAG, states=(state,)))
-        return tuple(links)
+    @at_each_joint
+    def hooks(self, k, arm):
+        own = {"effort": f".effort[{k}]", "time_constant": ".time_constant"}
+        bind, unit = {"command": f"command{k + 1}", **own}, effort_unit(arm, k)
+        state = State(f"effort[{k}]", unit, derivative=approach, bind=bind, rate=fastest_change)
+        return Actuation(k, effort_of, own, Link.LAG, states=(state,))
 
 
 @physics
