@@ -1,5 +1,7 @@
 """Cases: scenes of any effects, with states and efforts of lanes, or with calls of environments."""
 
+import contextlib
+
 import numpy as np
 
 from redundant_envs.scenes.scene import Scene
@@ -41,13 +43,11 @@ def drawn_effects(rng, arm, needed=(), dt=0.02):
             continue
         for _ in range(int(rng.integers(1, 4)) if name == "LimitSpring" else 1):
             for _ in range(TRIES):
-                try:
+                with contextlib.suppress(ValueError):
                     effect = drawn_effect(rng, kind, arm)
                     Scene(arm, (*chosen, effect), control_dt=dt)
-                except ValueError:
-                    continue
-                chosen.append(effect)
-                break
+                    chosen.append(effect)
+                    break
     rng.shuffle(chosen)
     return tuple(chosen)
 

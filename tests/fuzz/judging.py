@@ -122,8 +122,9 @@ def wrongly_told(scene, start, end, status):
     return wrong | (status.evaluations > METHODS[scene.integrator].stages * (MAX_TRIALS + adaptive) * parts)
 
 
-def violations_of(case, tally, only=()):
-    """Play a case of a simulator, and judge its scene in the states that it passed without a flag."""
+def violations_of(case, tally, names):
+    """Play a case of a simulator, and judge its scene by some promises in the states that it passed without a
+    flag."""
     scene, (start, *others) = rde.Scene.from_dict(case["scene"]), (call["rows"] for call in case["calls"])
     batch = rde.BatchSimulator(scene, case["num_envs"], case["threads"], track_work=True)
     batch.set_state(start["q"], start["qd"])
@@ -137,16 +138,14 @@ def violations_of(case, tally, only=()):
             found.append(Violation(FLAGS, k, lane, f"{batch.q[lane]}, {batch.qd[lane]}: {told}"))
         good = (status.numerics == 0) & np.isfinite(efforts).all(axis=1)
         passed.append(np.hstack([before, efforts])[good])
-    if only and FLAGS not in only:
+    if FLAGS not in names:
         found = []
     states = tuple(np.split(np.concatenate(passed)[:MOST], 3, axis=1))
     if not len(states[0]):
         return found
     trial = Sample(Subject("drawn", scene), len(states[0]), given=states)
-    for name, one in OF_VERIFY.items():
-        if only and name not in only:
-            continue
-        outcome = one.run(trial)
+    for name in [one for one in OF_VERIFY if one in names]:
+        outcome = OF_VERIFY[name].run(trial)
         tally[f"{name} {outcome.verdict.value}"] += 1
         # The energy book is infinite where too few motions are simulated well enough to be judged.
         if outcome.verdict is Verdict.MISSED and not np.isinf(outcome.finding.found):

@@ -25,7 +25,7 @@ def judged(case, tally=None, only=()):
     face = environments if case["face"] == "vector" else judging
     try:
         with np.errstate(all="ignore"):
-            return face.violations_of(case, tally, only)
+            return face.violations_of(case, tally, only or NAMES)
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{type(error).__name__} at {place.name}, line {place.lineno}: {error}"
