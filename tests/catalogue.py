@@ -4,8 +4,6 @@
 every scene keeps are in ``test_properties.py``, so that a test elsewhere says what is special about its own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import dataclasses
@@ -275,12 +273,8 @@ def started(scene, count=21, seed=0, varied=False, **kwargs):
 def by_another_account(scene, q, qd, efforts):
     """q, qd (lanes, 2, joints) after an interval with contacts, by the account of the studies."""
     numbers = {name: np.array([value]) for name, value in scene.parameters().items()}
-    return np.array(
-        [
-            Account(scene, numbers, efforts[[k]]).motion_after(q[[k]], qd[[k]], {}, 1e-13)
-            for k in range(len(q))
-        ]
-    )
+    accounts = (Account(scene, numbers, efforts[[k]]) for k in range(len(q)))
+    return np.array([one.motion_after(q[[k]], qd[[k]], {}, 1e-13) for k, one in enumerate(accounts)])
 
 
 def advanced(scene, q, qd, efforts=None, change=None, intervals=1, **kwargs):

@@ -4,8 +4,6 @@ engine.
 A branch on a feature asks what a scene has; a test of a kind asks what kind a boundary is.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterable, Iterator

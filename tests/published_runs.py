@@ -1,11 +1,9 @@
 """Tables, and run folders of shipped policies, made again from their files and the table of runs."""
 
-from __future__ import annotations
-
 import csv
 import json
-import shutil
 from pathlib import Path
+from shutil import copytree, ignore_patterns
 
 import numpy as np
 
@@ -25,10 +23,8 @@ def published_run(name: str, folder: Path) -> Path:
     from redundant_envs_train.run_folder import SELECTION
 
     (run,) = read_runs([RESULTS / "runs.jsonl" / name])
-    others = shutil.ignore_patterns("README.md", "policy.npz", "policy.onnx")
-    shutil.copytree(
-        ROOT / "policies" / f"{run.env.split('/')[1]}-{run.settings['algo']}", folder, ignore=others
-    )
+    others = ignore_patterns("README.md", "policy.npz", "policy.onnx")
+    copytree(ROOT / "policies" / f"{run.env.split('/')[1]}-{run.settings['algo']}", folder, ignore=others)
     (folder / "evaluation.json").write_text(json.dumps(run.evaluation))
     facts = {key: run.evaluation[key] for key in ("env_steps", "train_seconds")}
     (folder / "training.json").write_text(json.dumps({**facts, "simulator": run.simulator, "stopped": False}))

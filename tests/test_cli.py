@@ -1,7 +1,5 @@
 """The command line: files, output and refusals."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import subprocess

@@ -1,7 +1,7 @@
 """A new effect, arm or task is the files and lines that CONTRIBUTING.md names: tests of all have it."""
 
-import shutil
 from pathlib import Path
+from shutil import copytree, ignore_patterns
 
 import pytest
 
@@ -14,9 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture
 def tree(tmp_path):
-    return shutil.copytree(
-        ROOT, tmp_path / "tree", ignore=shutil.ignore_patterns(".*", "runs", "__pycache__")
-    )
+    return copytree(ROOT, tmp_path / "tree", ignore=ignore_patterns(".*", "runs", "__pycache__"))
 
 
 def twin(tree, file, *names):

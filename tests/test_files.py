@@ -196,9 +196,7 @@ def test_a_control_interval_in_milliseconds_is_told_once_for_each_scene(tmp_path
         lambda: gym.make("redundant_envs/FourRReach-v0", scene=str(path)),
         lambda: rde.Scene(rde.load_scene("four_r_reach").robot, control_dt=20),
     ):
-        with pytest.warns(
-            UserWarning, match=r"control_dt is 20, in seconds, .* for 20 ms give 0\.02"
-        ) as told:
+        with pytest.warns(UserWarning, match=r"control_dt is 20, in seconds,.* for 20 ms give 0\.02") as told:
             scene = make()
         assert len(told) == 1
     assert told[0].filename == __file__

@@ -147,9 +147,7 @@ def test_words_are_those_of_philox_on_all_kinds_of_numbers():
     """Of intervals of any number, which counts on beyond a word."""
     lanes = np.random.default_rng(0).integers(0, 2**32, (5, 100)).astype(float)
     lanes[:, :3] = np.array([0.0, 1.0, 2.0**32 - 1.0])
-    known = [
-        philox([k0, k1], [0xFFFFFF07, c1, k2, k3]) for c1, k0, k1, k2, k3 in lanes.T.astype(int).tolist()
-    ]
+    known = [philox([k0, k1], [0xFFFFFF07, c, k2, k3]) for c, k0, k1, k2, k3 in lanes.T.astype(int).tolist()]
     lanes[0, 50:] += 2.0**32
     of_tensors = words(*map(torch.tensor, lanes))
     single = np.transpose([words(*row) for row in lanes.T.tolist()])

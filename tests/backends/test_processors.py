@@ -62,9 +62,7 @@ def test_the_recorded_bits_are_those_of_code_that_the_compiler_made_with_little_
 
 
 @pytest.mark.long
-@pytest.mark.skipif(
-    sys.platform == "win32", reason="whether the C library rounds fma once is not known there"
-)
+@pytest.mark.skipif(sys.platform == "win32", reason="whether its C library rounds fma once is unknown")
 @pytest.mark.parametrize("name", ["4R all rk8", "stops rk4, inelastic"])
 def test_without_fused_multiply_add_the_bits_are_the_same_and_one_warning_says_that_it_is_slow(
     name, made_for

@@ -139,9 +139,7 @@ def of_a_class(scale):
 
 
 MEMBERS = {
-    **{
-        made.__name__: (reach, "near_term", made) for made in (reads_a_global, has_a_cell, made_by_the_module)
-    },
+    **{m.__name__: (reach, "near_term", m) for m in (reads_a_global, has_a_cell, made_by_the_module)},
     "code": (NEAR, "__code__", lambda scale: made_by_the_module(scale).__code__),
     "method": (ReachTask, "reward_functions", of_a_class),
     "constant": (faults, "LARGEST_ANGLE", lambda scale: scale),

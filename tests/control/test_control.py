@@ -68,9 +68,6 @@ def test_every_parameter_gives_a_pose_at_the_goal_and_every_pose_is_near_one(nam
         assert gap.max(axis=-1).min() < 0.15
 
 
-# ---- efforts at rest ---------------------------------------------------------------------------------
-
-
 def test_static_efforts_are_inverse_dynamics_at_rest():
     q = np.random.default_rng(4).normal(size=(50, 4))
     for name, arm in UNEQUAL.items():
@@ -142,9 +139,6 @@ def test_an_arm_rests_in_the_simulator_where_the_account_says_so(name):
     assert holding_load(changed(name, e.Gravity(0.0)), drawn_goals(20, 6)).tolist() == [0.0] * 20
 
 
-# ---- the expert --------------------------------------------------------------------------------------
-
-
 @pytest.mark.quick("RPRPReach-v0")
 @pytest.mark.parametrize("env_id", ["RPRPReach-v0", "FourRReach-v0"])
 def test_the_expert_holds_the_goals(env_id):
@@ -182,8 +176,6 @@ def test_the_plan_ends_in_the_pose_that_is_chosen():
     np.testing.assert_allclose(batch.q, end, atol=1e-3)
 
 
-# ---- refusals ----------------------------------------------------------------------------------------
-
 BARE = rde.Scene(UNEQUAL["four_r_reach"])
 TILTED = rde.Scene(BARE.robot, (e.EffortLimits(1.0), e.Gravity(9.81, (0.5, -0.5))))
 
@@ -205,8 +197,8 @@ TILTED = rde.Scene(BARE.robot, (e.EffortLimits(1.0), e.Gravity(9.81, (0.5, -0.5)
     ],
 )
 def test_scenes_it_cannot_account_for_and_other_arguments_are_refused(given, words):
-    def accounted(scene):
-        return effort_limits(scene), slider_travel(scene), static_efforts(scene, np.zeros(4))
+    def accounted():
+        return effort_limits(given), slider_travel(given), static_efforts(given, np.zeros(4))
 
     with pytest.raises(ValueError, match=words):
-        accounted(given) if isinstance(given, rde.Scene) else given()
+        (accounted if isinstance(given, rde.Scene) else given)()

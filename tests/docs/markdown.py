@@ -1,7 +1,5 @@
 """Pages of the documentation: their links, blocks of code and commands."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

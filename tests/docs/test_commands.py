@@ -1,7 +1,5 @@
 """Commands of the README and the manual: their arguments parse, and the quick ones run."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import runpy

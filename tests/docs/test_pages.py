@@ -31,9 +31,7 @@ BLOCKS = [
     )
     for page in MANUAL for line, _, block in blocks(page, "python")
 ]  # fmt: skip
-OTHERS = {name: name for name in ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")} | {
-    "ray": "tree"
-}
+OTHERS = {n: n for n in ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")} | {"ray": "tree"}
 """Packages that blocks import, and what must be there for them: Ray alone has not all that RLlib imports."""
 BEHIND = {"casadi": "casadi", "RecordVideo": "moviepy", "animate(": "imageio"}
 """Packages that are not imported by a block, but needed by what it calls."""

@@ -5,8 +5,6 @@ name. Of the others, ``python`` blocks run as scripts, ``console`` blocks as the
 other lines show output), and ``shell`` blocks as a whole; ``text`` blocks are only read.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -67,10 +67,9 @@ def test_struck_sliders_have_the_speeds_of_impulses_that_solve_the_complementari
         assert not got.going_on
         np.testing.assert_allclose(got.velocities, after, atol=1e-10 * max(1.0, np.abs(after).max()))
         np.testing.assert_allclose(got.impulses, -sides * p, rtol=1e-9, atol=1e-12)
-        assert got.impacts == np.count_nonzero((p > 0) & (u > 0))
-        kinds = np.where(
-            (p > 0) & (u > 0), np.where(sides > 0, Happening.UPPER_IMPACT, Happening.LOWER_IMPACT), 0
-        )
+        struck = (p > 0) & (u > 0)
+        assert got.impacts == np.count_nonzero(struck)
+        kinds = np.where(struck, np.where(sides > 0, Happening.UPPER_IMPACT, Happening.LOWER_IMPACT), 0)
         left = resting & (sides * np.array(got.velocities) < 0.0)
         assert got.happened == np.where(left, Happening.RELEASE, kinds).tolist()
         assert (np.array(got.active_stops) != 0.0).tolist() == (resting & ~left).tolist()

@@ -23,18 +23,16 @@ FOUND = json.loads(Path(__file__).with_name("found_intervals.json").read_text(en
 CAUGHT = [np.array([x[name] for x in FOUND["undone within the interval"]]) for name in ("q", "qd", "efforts")]
 """Of random actions in the reach task: a slider meets its stop and leaves it, or leaves it and is back, or
 the other slider's release decides, all within 20 ms."""
-CASCADES = LaneSamples(
-    *(np.array([x[n] for x in FOUND["cascades"]]) for n in ("joints", "rates", "efforts")), {}
-)
+STATE = "joints", "rates", "efforts"
+CASCADES = LaneSamples(*(np.array([x[name] for x in FOUND["cascades"]]) for name in STATE), {})
 """Of a light slider between near stops: 55 to 200 impacts in 50 ms, which magnify errors 1e10 times; these
 intervals were off by 2 to 200 tolerances."""
 BEYOND = FOUND["beyond their tolerance"]
 """Of a million intervals of ``study intervals``: these were off by 1.9 to 2.7 tolerances without a flag."""
 
 
-def scene(restitution=0.5, upper=0.3, **kwargs):
-    effects = (rde.effects.Gravity(), stops(RPRP, restitution, upper=upper))
-    return rde.Scene(RPRP, effects, **kwargs)
+def scene(restitution=0.5, **kwargs):
+    return rde.Scene(RPRP, (rde.effects.Gravity(), stops(RPRP, restitution)), **kwargs)
 
 
 @pytest.mark.long
@@ -124,7 +122,7 @@ def test_a_cascade_of_impacts_is_within_its_tolerance_or_flagged():
 @pytest.mark.parametrize("found", BEYOND, ids=lambda found: found["what"])
 def test_intervals_that_were_beyond_their_tolerance_keep_it(found):
     family = next(family for family in FAMILIES if family.name == found["family"])
-    lane = {name: np.array([found[name]]) for name in ("joints", "rates", "efforts")}
+    lane = {name: np.array([found[name]]) for name in STATE}
     drawn = LaneSamples(**lane, parameters={name: np.array([x]) for name, x in found["parameters"].items()})
     (exact, sure), (tip, status) = (
         tips_after(family, family.scene(**how), drawn) for how in ({"integrator": "dop853"}, {})

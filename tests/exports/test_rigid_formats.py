@@ -54,16 +54,12 @@ def test_mujoco_finds_the_accelerations_of_both_arms(form, seed):
             model = model_of(scene, form)
             if form == "urdf":
                 model.opt.gravity[:] = [9.81 * x for x in (*GRAVITY.down, 0.0)]
-            found = largest_difference(scene, model, form == "mjcf", seed)
-            print(f"{form}, {arm.kind}: largest difference {found:.1e}")
-            assert found < 1e-10
+            assert largest_difference(scene, model, form == "mjcf", seed) < 1e-10
 
 
 towards = physics(lambda position, middle, c: (middle - position) / c)
 push = physics(lambda middle: middle)
-dead_beyond = physics(
-    lambda position, middle, c: where(position - middle > 1e6, 0.0, (middle - position) / c)
-)
+cut_off = physics(lambda position, middle, c: where(position - middle > 1e6, 0.0, (middle - position) / c))
 jumping = physics(lambda position, middle, c: (middle - position) / c + where(position > 0.3, 1.0, 0.0))
 beyond_band = physics(
     lambda position, middle, c: -(maximum(position - middle, 1e3) + minimum(position - middle, -1e3)) / c
@@ -88,7 +84,7 @@ class Law(Effect):
 def test_a_linear_force_of_a_users_effect_maps_exactly_and_another_one_is_refused():
     scene = rde.Scene(F_ARM, (GRAVITY, Law(towards)))
     assert largest_difference(scene, model_of(scene, "mjcf"), True) < 1e-10
-    bent = dead_beyond, jumping, beyond_band, of_sizes
+    bent = cut_off, jumping, beyond_band, of_sizes
     for form, law, words in (
         *(("mjcf", law, "Law (its force is not linear") for law in bent),
         ("mjcf", push, "Law (it is a constant force)"),
@@ -285,5 +281,4 @@ def test_other_readers_find_the_accelerations_of_both_arms(form, reader, tmp_pat
             expected = ours(scene, q, qd, efforts)
             for row in zip(q @ arm.motor_map, qd @ arm.motor_map, efforts, expected, strict=True):
                 worst = max(worst, np.abs(accelerations(*row[:3]) - row[3]).max() / np.abs(row[3]).max())
-            print(f"{form}, {arm.kind}, {reader.__name__}: largest difference {worst:.1e}")
             assert worst < 1e-10

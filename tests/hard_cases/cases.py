@@ -164,9 +164,7 @@ MASSES = {
         lambda _: [Figure("the manipulability", LAB.manipulability(np.array(FOLDED)), at_most(1e-15))],
         pose(FOLDED, 0.3, 0.6),
     ),
-    "3": tuple(
-        Accelerations(LIGHT, *BENT, (0.1,) * 4, g, name=f"with g = {g:g} ") for g in (0.0, 9.81)
-    ),
+    "3": tuple(Accelerations(LIGHT, *BENT, (0.1,) * 4, g, name=f"with g = {g:g} ") for g in (0.0, 9.81)),
     # Half an ulp of one torque moves qdd by 2.6e-10: the numbers given have no more digits.
     "4": (Accelerations(LIGHT, (0.3, 0.3001, 0.2999, 0.30005), BENT[1], (0.1,) * 4, bound=2e-10),),
     "5": (Accelerations(rde.FourR((1.0, 1.0, 1.0, 1e-12), (0.5,) * 4), *BENT, (0.1, 0.1, 0.1, 1e-12)),),

@@ -61,9 +61,6 @@ class Case:
                 yield from row(subject)
 
 
-# ---- subjects ---------------------------------------------------------------------------------------------
-
-
 @dataclass
 class Motion:
     """States at the ends of control intervals, and the status of the intervals."""

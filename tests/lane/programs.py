@@ -4,8 +4,6 @@
 them; say in the commit why they changed. Nothing is compiled.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json
@@ -56,11 +54,7 @@ def together() -> Iterator[tuple[str, rde.Scene]]:
         yield f"together: {name}", rde.Scene(arm, effects, control_dt=0.01, **numerics)
 
 
-SCENES = {
-    **dict(together()),
-    **catalogue.SCENES,
-    **{f"config {name}": rde.load_scene(name) for name in scene_names()},
-}
+SCENES = dict(together()) | catalogue.SCENES | {f"config {n}": rde.load_scene(n) for n in scene_names()}
 
 
 def simulators(scene: rde.Scene) -> Iterator[tuple[str, Simulator]]:

@@ -57,9 +57,7 @@ def growths():
     return [*(episodes(env) for env in (gym.make_vec(ID, num_envs=128), rde.make_sb3(ID, 128))), makes()]
 
 
-@pytest.mark.skipif(
-    not Path("/proc/self/statm").exists(), reason="resident memory is read from Linux's /proc"
-)
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from Linux's /proc")
 def test_memory_grows_neither_with_episodes_nor_with_makes():
     """A cache of data about functions reaches its 256 entries after 300 makes or so: 1 MB."""
     with multiprocessing.get_context("spawn").Pool(1) as alone:

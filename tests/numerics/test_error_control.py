@@ -130,9 +130,6 @@ def test_a_tolerance_or_a_method_that_cannot_be_is_refused(changes, said):
         dataclasses.replace(rde.Scene(LAB, FREE), **changes)
 
 
-# ---- estimates -----------------------------------------------------------------------------------------
-
-
 def test_an_estimate_that_overflows_does_not_pass():
     """The third-order estimate may be so large that its square is infinite: a blend of 0 would pass."""
     assert blended_error(1e100, 1e200) > 1e100

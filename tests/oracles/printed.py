@@ -15,11 +15,9 @@ FACTOR = re.compile(r"(?<=[\w)'])(?<!sin)(?<!cos) (?=[\w(])")
 @cache
 def lines(kind):
     """The lines of an arm by section and name: what is printed, and its correction or the same again."""
-    found = yaml.safe_load(LINES.read_text(encoding="utf-8"))[kind]
+    parts = yaml.safe_load(LINES.read_text(encoding="utf-8"))[kind].items()
     both = {
-        (s, n): x if isinstance(x, dict) else {"printed": x}
-        for s, part in found.items()
-        for n, x in part.items()
+        (s, n): x if isinstance(x, dict) else {"printed": x} for s, part in parts for n, x in part.items()
     }
     return {key: (x["printed"], x.get("corrected", x["printed"])) for key, x in both.items()}
 

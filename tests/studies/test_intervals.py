@@ -55,9 +55,6 @@ def test_the_same_intervals_are_judged_at_several_tolerances(only):
     assert loose["evaluations"] < tight["evaluations"]
 
 
-# ---- drawn families ------------------------------------------------------------------------------------
-
-
 def test_every_effect_that_moves_an_arm_is_drawn_alone_then_beside_another():
     kinds = [*moving_effects()]
     for number in (0, len(kinds) + 3):

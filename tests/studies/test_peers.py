@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from catalogue import advanced
+from catalogue import FOUR_R, RPRP, advanced
 
 import redundant_envs as rde
 from studies import peers
@@ -13,10 +13,7 @@ mujoco = pytest.importorskip("mujoco", reason="MuJoCo is in the extra 'verify'")
 pytest.importorskip("scipy", reason="SciPy is in the extra 'verify'")
 
 e = rde.effects
-ROBOTS = {
-    "RPRP": rde.RPRP((2.3, 0.7, 1.9, 0.4), (1.1, 0.6)),
-    "FourR": rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35)),
-}
+ROBOTS = {"RPRP": RPRP, "FourR": FOUR_R}
 TILTED = e.Gravity.on_plane(9.81, tilt=0.4, roll=0.9)
 FRICTION = e.ViscousFriction((0.3, 0.8, 0.2, 0.5))
 SPRING = e.CentringSpring((30.0, 50.0), (0.1, 0.0), (0.4, 0.6))

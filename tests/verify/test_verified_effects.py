@@ -92,9 +92,7 @@ RIGHT = [
     Force(1, ONE_SIDED, X, potential=physics(lambda x, k: 0.5 * k * maximum(x, 0.0) ** 2)),
     Force(1, COUPLED, TO_3, potential=OF_BOTH),
     Force(2, COUPLED, TO_2, conservative=COUPLED),
-    Force(
-        1, physics(lambda rate, other, k: -k * (rate - other)), {**RATE, "other": "phid3"}, damping=times(1.0)
-    ),
+    Force(1, physics(lambda rate, y, k: -k * (rate - y)), {**RATE, "y": "phid3"}, damping=times(1.0)),
     Force(Point(3), AT_POINT, AT_TIP, damping=times(4.0)),
     Force(1, PUSH, RATE),
     lagging(closed=after(1.0)),
@@ -117,18 +115,14 @@ WRONG = {
     "damping": ("declared damping", Force(1, BRAKE, RATE, damping=times(1e-9))),
     "damping at the tip": ("declared damping", Force(Point(3), AT_POINT, AT_TIP, damping=times(1.0))),
     "the sign of a damper": ("dampers brake", Force(1, PUSH, RATE, damping=times(1.0))),
-    "a force at rest": (
-        "numbers at rest", Force(1, physics(lambda rate, k: -k * rate / abs(rate)), RATE),
-    ),
+    "a force at rest": ("numbers at rest", Force(1, physics(lambda rate, k: -k * rate / abs(rate)), RATE)),
     "a link at rest": (
         "numbers at rest",
         Actuation(1, physics(lambda command: command * command / abs(command)), {"command": "command2"}),
     ),
     "the rate of a state": ("declared rates of states", lagging(rate=times(1 / 1.6))),
     "rates of states that swing": ("declared rates of states", swinging(times(1 / 1.6))),
-    "a closed form that is half as fast": (
-        "closed forms of states", lagging(closed=after(0.5)),
-    ),
+    "a closed form that is half as fast": ("closed forms of states", lagging(closed=after(0.5))),
     "a jump at the top, with the rate": (
         "forces at their switches",
         switching(

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
-from catalogue import IDS
+from catalogue import FOUR_R, IDS
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
@@ -20,7 +20,6 @@ from redundant_envs.verify.promises import EQUAL_BITS, Finding, at_most
 from redundant_envs.verify.subjects import LENGTHS, MASSES, subject_of, subjects_of
 
 e = rde.effects
-FOUR_R = rde.FourR((2.3, 0.7, 1.9, 0.4), (1.1, 0.6, 0.9, 0.35))
 
 MODULE = """
 from dataclasses import dataclass

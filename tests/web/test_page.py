@@ -231,7 +231,7 @@ def test_switches_change_the_simulation_and_the_bill(opened):
     rest = tuple(effect for effect in scene.effects if effect.key != "gravity")
     expected = rde.bill(dataclasses.replace(scene, effects=rest), task=ReachTask())
     shown = tab.evaluate(
-        "[...bill.tBodies[0].rows].map((row) => [...row.cells].map((cell) => cell.textContent))"
+        "[...bill.tBodies[0].rows].map((row) => [...row.cells].map((one) => one.textContent))"
     )
     assert {name: [*map(int, counts)] for name, *counts in shown[:-1]} == {
         owner.replace("_", " "): [*counts] for owner, counts in expected.items()
