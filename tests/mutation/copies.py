@@ -41,8 +41,8 @@ def outcome(
     options = ["-B", "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider"]
     command = [sys.executable, *options, "-m", mark, *tests]
     with subprocess.Popen(
-        command, cwd=copy, env=os.environ | paths, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-        start_new_session=True,
+        command, cwd=copy, env=os.environ | paths, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL, start_new_session=True,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
     ) as run:  # fmt: skip
         try:
