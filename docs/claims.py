@@ -109,7 +109,7 @@ def starting() -> Found:
 
 def throughput() -> Found:
     """The core's steps."""
-    from redundant_envs.scenes.files import config_folder
+    from redundant_envs.scenes import config_folder
     from studies import throughput as study
 
     found: Found = {}
@@ -140,7 +140,7 @@ def environments() -> Found:
 
 def effects() -> Found:
     """Costs of all effects and scenes, times bare, and their evaluations; and what is beyond its ceiling."""
-    from redundant_envs.scenes.files import config_folder
+    from redundant_envs.scenes import config_folder
     from studies import effects as study
 
     rows = study.run(study.load_study(config_folder("studies") / "effects.yaml"))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from redundant_envs.__main__ import Parser
-from redundant_envs.scenes.files import config_folder
+from redundant_envs.scenes import config_folder
 from redundant_envs.support.disk import add_force, check_kept, check_plain
 from redundant_envs.support.modules import status_of, take_imports
 from redundant_envs.support.tables import table, write_rows

@@ -13,7 +13,8 @@ from redundant_envs.effects import OWN
 from redundant_envs.effects.hooks import Effect, snake_case
 from redundant_envs.effects.numbers import example_of
 from redundant_envs.envs import cost
-from redundant_envs.scenes.files import config_folder, read_text
+from redundant_envs.scenes import config_folder
+from redundant_envs.scenes.files import read_text
 from redundant_envs.scenes.scene import Scene, load_scene, scene_names
 from redundant_envs.support.extras import needs
 from redundant_envs.support.machine import versions

@@ -13,7 +13,8 @@ from refusals import refusal, short
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
-from redundant_envs.scenes.files import LARGEST_FILE, config_folder, parse_yaml, read_yaml, text_value
+from redundant_envs.scenes import config_folder
+from redundant_envs.scenes.files import LARGEST_FILE, parse_yaml, read_yaml, text_value
 from redundant_envs.scenes.scene import scene_data, scene_names
 from redundant_envs_train.config import load
 from studies import accuracy_config, throughput

@@ -23,7 +23,7 @@ from redundant_envs.envs.registration import IDS, SCENES, id_of
 from redundant_envs.envs.rendering import stated_limits
 from redundant_envs.model.listing import Operations
 from redundant_envs.robots.drawn import schematic
-from redundant_envs.scenes.files import config_folder
+from redundant_envs.scenes import config_folder
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.disk import write_text

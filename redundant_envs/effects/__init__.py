@@ -1,6 +1,6 @@
-"""Effects a scene may name. A new effect is one file here and one line below.
+"""Effects a scene may name: the modules of this folder define them. A new effect is one file here.
 
-The lines are for type checkers and editors, which know no names that are found as the program runs.
+The first lines are for type checkers and editors, which know no names that are found as the program runs.
 """
 
 from redundant_envs.effects.armature import Armature as Armature
@@ -47,11 +47,11 @@ from redundant_envs.effects.hooks import (
 )  # fmt: skip
 # isort: on
 
-_CLASSES = {name: thing for name, thing in sorted(globals().items()) if isinstance(thing, type)}
-__all__ = [*_CLASSES]
-REGISTRY: dict[str, type[Effect]] = {
-    name: kind for name, kind in _CLASSES.items() if issubclass(kind, Effect) and kind is not Effect
-}
+from redundant_envs.support.modules import classes_in
+
+OWN: dict[str, type[Effect]] = {x.__name__: x for x in classes_in(__name__, Effect) if "hooks" in vars(x)}
+"""The effects of this package by their names; a base of several has no hooks."""
+globals().update(OWN)
+__all__ = [*(name for name, thing in sorted(globals().items()) if isinstance(thing, type))]
+REGISTRY = dict(OWN)
 """Effects by their name in scene files; users add theirs."""
-OWN = dict(REGISTRY)
-"""Those of this package."""

@@ -14,9 +14,10 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from redundant_envs import effects
 from redundant_envs.compiler import dialect
 from redundant_envs.compiler.tracing.graph import owned
-from redundant_envs.effects import OWN, hooks
+from redundant_envs.effects import hooks
 from redundant_envs.effects.hooks import Actuation, Effect, Field, Hook, State, functions_of, states_of
 from redundant_envs.effects.validate_hooks import roots_of
 from redundant_envs.language.algebra import ABSENT, arguments_of, numbered, total, where
@@ -27,15 +28,19 @@ from redundant_envs.robots.added_inertia import LARGEST_RATIO, Added, with_inert
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import positive_numbers
 
-OWN_KEYS = frozenset(map(hooks.snake_case, OWN))
-"""First parts of the parameter names of this package's effects; none is like a name of a field."""
 Kind = TypeVar("Kind", covariant=True)
+
+
+@functools.cache
+def _own_keys() -> set[str]:
+    """First parts of the parameter names of this package's effects; none is like a name of a field."""
+    return {*map(hooks.snake_case, effects.OWN)}
 
 
 def identifier(parameter: str) -> str:
     """A parameter of an effect as an argument of a task: "gravity.down[0]" -> gravity_down_0; effects of
     users get two underscores, "my_spring.k" -> my_spring__k, which no generated name has."""
-    dot = "_" if parameter.partition(".")[0] in OWN_KEYS else "__"
+    dot = "_" if parameter.partition(".")[0] in _own_keys() else "__"
     return parameter.replace(".", dot).replace("[", dot).replace("]", "")
 
 

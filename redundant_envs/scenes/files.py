@@ -51,12 +51,6 @@ def text_value(text: str, where: str) -> Any:
     return parse_yaml(text, where)
 
 
-def config_folder(kind: str) -> Path:
-    """A folder of configs/, such as that of the named scenes: package data in a wheel."""
-    installed = Path(__file__).parents[1] / "configs"
-    return (installed if installed.is_dir() else Path(__file__).parents[2] / "configs") / kind
-
-
 @contextlib.contextmanager
 def explained(path: str | Path) -> Iterator[None]:
     """Put the file before the message of a ValueError about its data, and the line if it is known."""

@@ -20,7 +20,8 @@ from redundant_envs.robots.added_inertia import WithAddedInertia
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.checks import check_own
 from redundant_envs.robots.parameters import between, number
-from redundant_envs.scenes.files import config_folder, exists, explained, read_yaml, shipped_data
+from redundant_envs.scenes import config_folder
+from redundant_envs.scenes.files import exists, explained, read_yaml, shipped_data
 from redundant_envs.scenes.numbers import check_ranges, entries_of, is_of_task
 from redundant_envs.scenes.ranges import plain as plain_ranges
 from redundant_envs.scenes.ranges import ranges

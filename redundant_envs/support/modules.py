@@ -1,18 +1,20 @@
-"""Commands: modules of users that they name, whose classes they then know, and how they end."""
+"""Modules: their classes, and those of users that commands name; and how commands end."""
 
 from __future__ import annotations
 
 import contextlib
 import importlib
 import os
+import pkgutil
 import select
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.support.values import say, shown
 
+T = TypeVar("T")
 OPTION = "--import"
 IMPORTED: list[str] = []  # modules that the command named: its other processes import them, too
 NOTEBOOK = "module://matplotlib_inline"
@@ -78,6 +80,19 @@ def module_named(name: str) -> Any:
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
     return importlib.import_module(name)
+
+
+def classes_in(package: str, base: type[T]) -> list[type[T]]:
+    """Classes that the modules of a package derive from a base, in the order of the modules' names."""
+    folder = importlib.import_module(package).__path__
+    modules = [importlib.import_module(f"{package}.{m.name}") for m in pkgutil.iter_modules(folder)]
+    return [
+        thing
+        for module in modules
+        for thing in vars(module).values()
+        if isinstance(thing, type) and issubclass(thing, base) and thing.__module__ == module.__name__
+        if thing is not base
+    ]
 
 
 def import_named(module: str) -> None:

@@ -1,16 +1,18 @@
-"""Tasks of the arms. A new task is one file here and one line below."""
+"""Tasks of the arms. A new task is one file here, with the name of the task."""
 
 import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from redundant_envs.support.modules import classes_in
 from redundant_envs.support.values import check_keys, shown
 from redundant_envs.tasks.base import Task
-from redundant_envs.tasks.reach import GoalReachTask, ReachTask
+from redundant_envs.tasks.goal_reach import GoalReachTask
+from redundant_envs.tasks.reach import ReachTask
 
 __all__ = ["GoalReachTask", "ReachTask", "Task"]
 
-REGISTRY: dict[str, type[Task]] = {task.name: task for task in (ReachTask, GoalReachTask)}
+REGISTRY: dict[str, type[Task]] = {task.name: task for task in classes_in(__name__, Task)}
 """Tasks by their name in ids."""
 
 

@@ -113,12 +113,6 @@ def goal_reward(distance, reach, goal_tolerance):
     return where(distance <= goal_tolerance * reach, 1.0, 0.0)
 
 
-@physics(gives="reached_term")
-def reached_term(goal_reward):
-    """1 if distance <= goal_tolerance reach, else 0"""
-    return goal_reward
-
-
 def observed_rates(arm: Arm) -> Callable[..., Any]:
     n = len(arm.joints)
 
@@ -277,30 +271,3 @@ class ReachTask(Task):
 
     def observation(self, scene: Scene) -> dict[str, str]:
         return {**posture_and_tip(scene.robot), **GOAL}
-
-
-@dataclass(frozen=True)
-class GoalReachTask(ReachTask):
-    """The task with its goal beside the observation, and the reward of the two goals alone.
-
-    A reward of 1 or 0 cannot cancel the earlier rewards of an episode, and an arm that whirls may touch its
-    goal by luck. So beyond the speed bound the episode is flagged and goes on, and efforts cannot end
-    an episode early.
-    """
-
-    name = "GoalReach"
-    goal_conditioned = True
-    speed_bound_ends = False
-
-    def reward_note(self) -> str:
-        return (
-            "1 when the tip is within the goal tolerance, 0 otherwise: a function of the two goals "
-            "alone, `compute_reward(achieved_goal, desired_goal, info)`, for hindsight replay."
-        )
-
-    def reward_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
-        return (reached_term,)
-
-    def observation(self, scene: Scene) -> dict[str, str]:
-        """Observed quantities in order, with what they mean: none depends on the goal."""
-        return posture_and_tip(scene.robot)

@@ -19,7 +19,7 @@ from words import MAX_WORDS, count_words
 import redundant_envs as rde
 from redundant_envs.effects import OWN, REGISTRY
 from redundant_envs.effects.hooks import snake_case
-from redundant_envs.scenes.files import config_folder
+from redundant_envs.scenes import config_folder
 from studies.effects import load_study
 
 SLOW = ("torch.optim.Adam", "model.learn(", "config.build_algo(")

@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
-from redundant_envs.scenes.files import config_folder
+from redundant_envs.scenes import config_folder
 
 VALUES = {"q": 4, "qd": 4, "tip": 2, "goal": 2}
 

@@ -13,7 +13,7 @@ from published_runs import rows
 import redundant_envs as rde
 from redundant_envs.effects import OWN
 from redundant_envs.envs import cost
-from redundant_envs.scenes.files import config_folder
+from redundant_envs.scenes import config_folder
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs_train.config import checked
 from studies import (

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from redundant_envs.scenes.files import config_folder, exists, explained, read_yaml, text_value
+from redundant_envs.scenes import config_folder
+from redundant_envs.scenes.files import exists, explained, read_yaml, text_value
 from redundant_envs.support.tables import markdown
 from redundant_envs.support.values import shown
 
