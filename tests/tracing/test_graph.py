@@ -53,6 +53,18 @@ def test_equal_operations_are_one_and_zeros_of_different_signs_are_two_constants
 # ---- passes: products joined with sums, the stages of a step -----------------------------------------
 
 
+def test_a_value_is_shown_by_its_operation_alone():
+    """With its operands the text doubles with each product, and a traceback that shows it never ends."""
+
+    def deep(a, b):
+        for _ in range(200):
+            a = a * a + b
+        return a, a < b
+
+    added, compared = deep(*rows_of(Graph(), 2))
+    assert repr([added, compared, added.value]) == "[<Number +>, <Condition <>, <+>]"
+
+
 def test_what_is_joined_in_one_part_does_not_depend_on_another():
     graph = Graph()
     a, b, c = (Number(graph, graph.load("row", k)) for k in range(3))

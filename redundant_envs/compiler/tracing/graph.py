@@ -106,7 +106,7 @@ def _origin() -> Origin:
     return Origin(_owner.get(), (named or names)[-1], frame.f_code.co_filename, frame.f_lineno)
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Operation:
     """One operation of a graph."""
 
@@ -114,6 +114,9 @@ class Operation:
     arguments: list[Value]
     extra: Any = None  # its data beside the values of its arguments
     origin: Origin | None = None
+
+    def __repr__(self) -> str:
+        return f"<{self.name}>"  # its operands are shared, and their texts would grow without end
 
     @property
     def operands(self) -> list[Operation]:

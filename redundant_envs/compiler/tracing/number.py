@@ -80,12 +80,15 @@ def _refused(what: str) -> Callable[..., NoReturn]:
     return lambda *_: _refuse(what)
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(eq=False, repr=False, slots=True)
 class Traced:
     """A value of a graph."""
 
     graph: Graph
     value: Value
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {getattr(self.value, 'name', self.value)}>"
 
 
 class Number(Traced):
