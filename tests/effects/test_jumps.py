@@ -147,6 +147,24 @@ def test_momentum_is_kept_where_the_tip_picks_up_a_mass(arm, how):
     assert np.abs(found.qd[3] - bare.qd[3]).max() > 0.1
 
 
+@dataclass(frozen=True)
+class Heavier(e.Effect):
+    """A field in proportion to the mass that it moves."""
+
+    k: float
+
+    def hooks(self, arm):
+        return (e.Field(physics(lambda m1, k: (-k * m1, 0.0))),)
+
+
+def test_a_field_knows_the_mass_that_a_grasp_changes():
+    """2 kg from rest at 6 m/s^2, then 3 kg with the same momentum at 9 m/s^2, for 0.1 s each."""
+    effects = Heavier(3.0), e.PickUp(1.0, 0.1)
+    scene = rde.Scene(rde.Chain("P", (2.0,), ()), effects, "rk4", control_dt=0.1)
+    speeds = rde.simulate(scene, [0.0], [0.0], [0.1, 0.2]).qd[:, 0]
+    np.testing.assert_allclose(speeds, [0.4, 1.3], rtol=1e-14)
+
+
 def test_the_grasp_is_at_the_first_instant_not_before_its_time():
     times = {0.06: 3, 0.0600001: 4, 0.05: 3, 0.02: 1, 0.3: 15, 0.011: 1}
     scene = rde.Scene(FOUR_R, (e.PickUp(1.0, 1.0),), "rk4")
