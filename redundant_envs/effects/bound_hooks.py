@@ -1,8 +1,6 @@
 """The hooks of a scene's effects, bound once: every function with the names of the quantities that it takes,
 which are those of a lane: quantities of the arm, and numbers and states of effects by their fields."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
@@ -161,7 +159,7 @@ class Attachments(tuple[Attached[Hook], ...]):
     """Fields of the commanded efforts."""
 
     @classmethod
-    def to(cls, arm: Arm, effects: Sequence[Effect], controlled: bool) -> Attachments:
+    def to(cls, arm: Arm, effects: Sequence[Effect], controlled: bool) -> "Attachments":
         """The hooks of effects on an arm; ``controlled``: changes of laws are located."""
         every = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
         own = {effect.key: {*effect.parameters()} for effect in effects}

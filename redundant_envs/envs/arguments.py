@@ -1,7 +1,5 @@
 """Checks of arguments that users pass to environments: seeds, actions, limits, numbers that are drawn."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,8 +1,6 @@
 """A checker of vector environments, for Gymnasium's VectorEnv and stable-baselines3's VecEnv: each rule has a
 name and one sentence, and a violation raises :class:`BrokenRule` with both."""
 
-from __future__ import annotations
-
 import copy
 import functools
 from typing import Any

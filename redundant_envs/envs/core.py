@@ -1,7 +1,5 @@
 """The one implementation behind all environments: a batch of lanes and its compiled task."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -316,7 +314,7 @@ class Core(Copied):
         self.mask[lanes] = self.ended[lanes] = 0
 
     @cached_property
-    def _single(self) -> Core:
+    def _single(self) -> "Core":
         return Core(self.simulated, 1, self.task, observe_parameters=self.observed)
 
     def check_state(self, state: Mapping[str, Any]) -> None:

@@ -1,8 +1,6 @@
 """What scenes cost: time, evaluations, operations and memory of a control step, beside those without an
 effect. A scene is compared with its bare arm: that with the effects of :data:`BARE` alone."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Keys of episodes: each is the next 128 bits of the generator of a lane."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

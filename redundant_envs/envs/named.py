@@ -1,7 +1,5 @@
 """The classes behind the ids, created when they are requested; their pages are generated from the code."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import importlib

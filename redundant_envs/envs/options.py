@@ -1,7 +1,5 @@
 """Options of resets: what they give to lanes, at once or when the next episodes of these begin."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Outputs of a step for each lane beside its observation: flags, counts and values, by name."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -34,11 +32,11 @@ class Outputs(NamedTuple):
     values: NDArray[np.float64]
 
     @classmethod
-    def made(cls, columns: Columns, lanes: int, make: Callable[..., Any] = np.empty) -> Outputs:
+    def made(cls, columns: "Columns", lanes: int, make: Callable[..., Any] = np.empty) -> "Outputs":
         flags, counts, values = columns.heights
         return cls(make((flags, lanes), np.bool_), make((counts, lanes), np.int64), make((values, lanes)))
 
-    def lanes(self, chosen: Any) -> Outputs:
+    def lanes(self, chosen: Any) -> "Outputs":
         return Outputs(self.flags[:, chosen], self.counts[:, chosen], self.values[:, chosen])
 
 

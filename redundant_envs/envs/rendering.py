@@ -1,7 +1,5 @@
 """Pictures of an environment in plain NumPy: anti-aliased shapes and letters by their signed distances."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import warnings
@@ -433,7 +431,7 @@ class NoDisplay(Error, OSError):
 class Renderer:
     """Draws the lanes of a core and keeps the trails of their tips, one point for each control step."""
 
-    _shown: ClassVar[set[Renderer]] = set()
+    _shown: ClassVar[set["Renderer"]] = set()
     """Those that share the one window of a process, which closes with the last of them."""
 
     def __init__(self, core: Core, width: int = SIZE, height: int = SIZE) -> None:

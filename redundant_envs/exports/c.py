@@ -1,7 +1,5 @@
 """The accelerations of a scene as a function in C99, written from the traced equations."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path

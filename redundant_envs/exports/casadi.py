@@ -1,7 +1,5 @@
 """The equations of motion of a scene as a function of CasADi."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Files of other programs' formats: their text, their heads, and what they cannot express."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name

@@ -3,8 +3,6 @@
 Samples could not: a dead zone beyond all of them would be missed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 

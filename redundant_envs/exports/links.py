@@ -6,8 +6,6 @@ shows the link that carries it. In poses at random the links then have to put al
 them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A scene as rigid links, linear forces at joints, and motors: what MJCF and URDF can express."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

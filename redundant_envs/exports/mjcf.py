@@ -1,7 +1,5 @@
 """A scene as MJCF, the format of MuJoCo."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The equations of motion of a scene as a graph: functions of positions, rates and commands."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable
 from typing import Any

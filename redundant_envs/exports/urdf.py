@@ -1,7 +1,5 @@
 """A scene as URDF, which ROS, PyBullet, Pinocchio, Drake, Isaac and MuJoCo read."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 

@@ -3,8 +3,6 @@
 Every refusal is a ValueError that names the file, what it holds or claims, and the bound.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import math

@@ -1,8 +1,6 @@
 """Files that are complete or absent and replace nothing unasked, folders without links, and one clear message
 if a disk is full."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -1,7 +1,5 @@
 """Packages that only some features need, and the extra of this package that installs each."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 

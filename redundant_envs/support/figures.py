@@ -1,7 +1,5 @@
 """One style of figures, files that are the same in every run, and clips of frames."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Machine and versions with which a figure was measured."""
 
-from __future__ import annotations
-
 import contextlib
 import datetime
 import importlib.metadata

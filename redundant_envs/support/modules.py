@@ -1,7 +1,5 @@
 """Modules: their classes, and those of users that commands name; and how commands end."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os

@@ -1,7 +1,5 @@
 """How objects show themselves in a notebook: HTML of bounded length, whose texts are escaped."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The colours of all pictures, (red, green, blue) from 0 to 255."""
 
-from __future__ import annotations
-
 Color = tuple[int, int, int]
 
 BACKGROUND = (250, 250, 248)

@@ -1,7 +1,5 @@
 """Tables: rows as CSV, as Markdown and as text in aligned columns."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Times of things that take turns: processor time, which other programs on the machine change little."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar

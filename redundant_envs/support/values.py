@@ -1,7 +1,5 @@
 """Values of users in messages, and bounds of plain data, so that any input is answered at once."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import inspect

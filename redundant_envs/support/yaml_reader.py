@@ -1,7 +1,5 @@
 """YAML text as plain data, within bounds, and the lines of what is in it."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -4,8 +4,6 @@ The host is :file:`kernel.js`. It needs the arguments of the kernels, the sizes 
 of their rows: with these it has the same blocks as a batch here, of two lanes, and no word of physics.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ All that the page shows of a scene is in its data: modules, names and ranges of 
 policies, and digests of this machine's bits. Its scripts know no scene.
 """
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import gzip
