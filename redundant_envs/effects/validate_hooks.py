@@ -300,52 +300,40 @@ class _Known:
                 raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
             if source.startswith("."):
                 self._check_name(where, source, self.own)
-                if argument not in part.bind and self._is_quantity(argument, field, part, hook):
+                # Effects of the package mean their own numbers, whatever the equations of a user's arm give.
+                is_own = argument in part.bind or self.is_shipped
+                if not is_own and self._roots_of_quantity(argument, field, part, hook) is not None:
                     raise ValueError(
                         f"{where}: the effect has a number of this name, and there is a quantity of the same "
                         f"name; bind it to {source!r} or {argument!r}"
                     )
                 yield source, {source} if self.own[source[1:]] else set()
+            elif (behind := self._roots_of_quantity(source, field, part, hook)) is not None:
+                yield source, behind
             elif DRAW.fullmatch(source):
-                if not isinstance(part, State) or field not in TAKING_DRAWS:
-                    raise ValueError(f"{where}: {source!r} is a draw; take it in update, initial of a State")
-                yield source, set()
-            elif source == hooks.SPEED and isinstance(part, hooks.Friction):
-                continue
-            elif source == hooks.CONTROL_DT or (source == hooks.ELAPSED and field == "closed"):
-                yield source, set()
+                raise ValueError(f"{where}: {source!r} is a draw; take it in update, initial of a State")
             elif source == hooks.PASSED:
-                if not self.has_instant:
-                    raise ValueError(f"{label} takes {source!r}; add Instant(after=...) to the hooks")
-                yield source, {source}
+                raise ValueError(f"{label} takes {source!r}; add Instant(after=...) to the hooks")
             else:
-                try:
-                    yield source, self._roots_of_side(source, field, hook) or roots_of(source, arm)
-                except ValueError:
-                    raise ValueError(
-                        f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
-                        "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, "
-                        "tip_vx, s1, c1, m1, l1, or bind a number of the effect by '.name'"
-                    ) from None
+                raise ValueError(
+                    f"{where}: no quantity of {arm.kind} is called {source!r}, or it follows from the "
+                    "forces; give one such as phi1 (position of joint 1), phid1 (its rate), tip_x, "
+                    "tip_vx, s1, c1, m1, l1, or bind a number of the effect by '.name'"
+                )
 
-    def _is_quantity(self, name: str, field: str, part: Any, hook: Hook) -> bool:
-        """Whether a function could take a quantity that the effect does not have by this name. Effects of the
-        package mean their own numbers, whatever the equations of a user's arm give."""
-        if self.is_shipped:
-            return False
-        of_hook = {
-            hooks.CONTROL_DT: True, hooks.ELAPSED: field == "closed", hooks.PASSED: self.has_instant,
-            hooks.SPEED: isinstance(part, hooks.Friction),
-        }  # fmt: skip
-        if name in of_hook:
-            return of_hook[name]
+    def _roots_of_quantity(self, name: str, field: str, part: Any, hook: Hook) -> Set[str] | None:
+        """What a quantity that the effect does not have depends on; None if a function cannot take it."""
+        if name == hooks.PASSED:
+            return {name} if self.has_instant else None
         if DRAW.fullmatch(name):
-            return isinstance(part, State) and field in TAKING_DRAWS
+            return set() if isinstance(part, State) and field in TAKING_DRAWS else None
+        is_time = name == hooks.CONTROL_DT or (name == hooks.ELAPSED and field == "closed")
+        if is_time or (name == hooks.SPEED and isinstance(part, hooks.Friction)):
+            return set()
         try:
-            _ = self._roots_of_side(name, field, hook) or roots_of(name, self.arm)
+            return self._roots_of_side(name, field, hook) or roots_of(name, self.arm)
         except ValueError:
-            return False
-        return True
+            return None
 
     def _roots_of_side(self, source: str, field: str, hook: Any) -> Set[str]:
         """What a side depends on, which says which law of a hook holds; nothing if a quantity is no side."""
