@@ -7,19 +7,9 @@ from typing import Any
 
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, named
-from redundant_envs.effects.numbers import (
-    Example,
-    Numbers,
-    checked,
-    numbers,
-    one,
-    positive,
-    row,
-    strength,
-    strengths,
-    text,
-)
+from redundant_envs.effects.numbers import Example, Numbers, checked, one, positive, row, strength, text
 from redundant_envs.language.algebra import maximum, numbered, physics, total
+from redundant_envs.robots.parameters import numbers, strengths
 from redundant_envs.support.values import shown
 
 Law = Callable[..., Any]
