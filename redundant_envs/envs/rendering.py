@@ -55,21 +55,16 @@ CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 
 
 class Canvas:
-    """A picture with the base of the arm in its middle; (height, width, 3) uint8 in ``pixels``. Its shorter
-    side shows 2 ``half_width`` [m]. Sizes in px are for one of 480, where ``scale`` px are 1 m; in a picture
-    whose shorter side is another, all are larger or smaller by ``unit``."""
+    """A picture with the base of the arm in its middle, drawn on ``pixels``, (height, width, 3) uint8. Its
+    shorter side shows 2 ``half_width`` [m]. Sizes in px are for one of 480, where ``scale`` px are 1 m; in a
+    picture whose shorter side is another, all are larger or smaller by ``unit``."""
 
-    def __init__(
-        self, half_width: float, width: int = SIZE, height: int = SIZE,
-        background: NDArray[np.uint8] | None = None,
-    ) -> None:  # fmt: skip
-        if background is None:
-            background = np.full((height, width, 3), palette.BACKGROUND, dtype=np.uint8)
-        self.pixels = background.copy()
-        self.width, self.height = width, height
-        self.unit = min(width, height) / SIZE
+    def __init__(self, half_width: float, pixels: NDArray[np.uint8]) -> None:
+        self.pixels = pixels
+        self.height, self.width, _ = pixels.shape
+        self.unit = min(self.width, self.height) / SIZE
         self.scale = SIZE / (2.0 * half_width)
-        self._columns, self._rows = (np.arange(0.5, n, dtype=np.float32) for n in (width, height))
+        self._columns, self._rows = (np.arange(0.5, n, dtype=np.float32) for n in (self.width, self.height))
 
     def _pixel(self, point: Any) -> Pair:
         scale = self.unit * self.scale
@@ -85,8 +80,7 @@ class Canvas:
         if x0 >= x1 or y0 >= y1:
             return
         cover = np.float32(0.5) - distance(self._columns[x0:x1], self._rows[y0:y1, None])
-        np.minimum(cover, 1.0, out=cover)
-        np.maximum(cover, 0.0, out=cover)
+        np.clip(cover, 0.0, 1.0, out=cover)
         mix(self.pixels[y0:y1, x0:x1], cover, color)
 
     def capsule(self, a: Any, b: Any, width: float, color: Color) -> None:
@@ -116,8 +110,7 @@ class Canvas:
         length = float(np.hypot(*normal)) or 1.0
         nx, ny = normal[0] / length, -normal[1] / length
         px, py = self._pixel(point)
-        at = nx * px + ny * py
-        at = min(max(at, -FARTHEST), FARTHEST)  # beyond all corners on either side
+        at = min(max(nx * px + ny * py, -FARTHEST), FARTHEST)  # beyond all corners on either side
         low, high, half = (0.0, 0.0), (self.width, self.height), np.float32(1.2 * self.unit)
         self._blend(low, high, color, lambda x, y: nx * x + ny * y - at)
         self._blend(low, high, edge, lambda x, y: np.abs(nx * x + ny * y - at) - half)
@@ -336,7 +329,8 @@ class Drawing:
     """An arm with all that its scene has around it, in pictures of a size."""
 
     def __init__(self, scene: Scene, width: int = SIZE, height: int = SIZE) -> None:
-        self.scene, self.width, self.height = scene, width, height
+        self.scene = scene
+        self._empty = np.full((height, width, 3), palette.BACKGROUND, dtype=np.uint8)
         every = [*scene.parameters(), *scene.states()]
         self._shown = [
             (e, {n.removeprefix(f"{e.key}."): n for n in every if n.startswith(f"{e.key}.")})
@@ -363,7 +357,7 @@ class Drawing:
         behind = tuple(x for x in found if isinstance(x, shapes.Circle | shapes.HalfPlane))
         made_for = (half_width, reach, behind)
         if self._background[0] != made_for:
-            canvas = Canvas(half_width, self.width, self.height)
+            canvas = Canvas(half_width, self._empty.copy())
             for plane in (x for x in behind if isinstance(x, shapes.HalfPlane)):
                 canvas.half_plane(plane.point, plane.normal, palette.OBSTACLE, palette.EDGE)
             canvas.disc((0.0, 0.0), canvas.scale * reach, palette.REACH, ring=2.0)
@@ -372,7 +366,7 @@ class Drawing:
                 canvas.disc(circle.centre, radius, palette.OBSTACLE if radius > 4.0 else palette.EDGE)
                 canvas.disc(circle.centre, radius, palette.EDGE, ring=2.4)
             self._background = made_for, canvas.pixels
-        canvas = Canvas(half_width, self.width, self.height, self._background[1])
+        canvas = Canvas(half_width, self._background[1].copy())
         moved = [x.displacement for x in found if isinstance(x, shapes.Ground)]
         if moved:
             canvas.grid(-np.sum(moved, axis=0), GROUND * reach, 4.0, palette.GRID)
