@@ -3,8 +3,6 @@ goes from the start pose to a pose at the goal along a minimum-jerk profile; the
 the plan's acceleration plus proportional-derivative feedback. Effects it compensates: the field and viscous
 friction of the nominal scene."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -4,8 +4,6 @@ An effect is a frozen dataclass whose numbers are per-environment parameters, pl
 of the physics dialect. ``hooks(arm)`` says where they attach; :class:`Effect` says what ``bind`` is.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import functools
@@ -435,7 +433,7 @@ class Effect:
         kind = type(self).__name__
         raise NotImplementedError(f"{kind} does not say where it attaches; write a method hooks(self, arm)")
 
-    def fitted(self, arm: Arm) -> Effect:
+    def fitted(self, arm: Arm) -> "Effect":
         """The effect as a scene with this arm has it: plain numbers, and one for each joint."""
         count, changed = len(arm.joints), {}
         for f, given in self.__present():
@@ -452,7 +450,7 @@ class Effect:
                 changed[f.name] = value
         return dataclasses.replace(self, **changed) if changed else self
 
-    def at_interval(self, control_dt: float) -> Effect:
+    def at_interval(self, control_dt: float) -> "Effect":
         """The effect as a scene with this control interval [s] has it. An effect whose number of states
         depends on the interval overrides this; functions take ``control_dt`` as an argument instead."""
         return self

@@ -1,7 +1,5 @@
 """Moving pictures of motions that were simulated, and figures of their energies."""
 
-from __future__ import annotations
-
 import base64
 import itertools
 import tempfile
@@ -23,7 +21,7 @@ BORDER = 1.08  # half of a picture's width, in units of the farthest distance of
 SLIDERS = [palette.css(color) for color in palette.ARMS[0]]
 
 
-def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> Animation:
+def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> "Animation":
     """A moving picture of a motion, in real time.
 
     Its frames, 25 a second, show states of the trajectory: ask :func:`redundant_envs.simulate` for as many

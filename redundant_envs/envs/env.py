@@ -1,7 +1,5 @@
 """One environment: the view of a core with one lane, and its steps without the loop over blocks."""
 
-from __future__ import annotations
-
 import functools
 import struct
 from collections.abc import Callable, Mapping, Sequence
@@ -59,7 +57,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         self._operation: KernelCall | None = None  # kind of step; None if the next call has to be a reset
 
     @functools.cached_property
-    def _lane(self) -> SingleLane:
+    def _lane(self) -> "SingleLane":
         return SingleLane(self.core)
 
     @first

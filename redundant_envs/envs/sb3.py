@@ -1,7 +1,5 @@
 """A stable-baselines3 VecEnv over the same core: no nested wrappers, no subprocesses."""
 
-from __future__ import annotations
-
 import importlib
 import time
 from collections.abc import Sequence

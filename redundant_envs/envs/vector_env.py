@@ -1,7 +1,5 @@
 """The environment: many lanes in one compiled call, as a Gymnasium VectorEnv."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

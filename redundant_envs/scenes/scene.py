@@ -1,13 +1,11 @@
 """A scene: an arm and only the effects it needs, with how it is stepped. Plain, frozen data."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.bound_hooks import Attachments, identifier
@@ -196,7 +194,7 @@ class Scene:
         """The hooks of the effects, bound to names of quantities."""
         return Attachments.to(self.robot, self.effects, self.controlled)
 
-    def bound_anew(self) -> Scene:
+    def bound_anew(self) -> Self:
         """The same scene, whose effects are asked for their hooks again: their functions may be replaced."""
         made = object.__new__(type(self))
         made.__dict__.update({f.name: getattr(self, f.name) for f in dataclasses.fields(self)})
@@ -295,7 +293,7 @@ class Scene:
         return {**found, "randomize": plain_ranges(drawn)} if drawn else found
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Scene:
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """A scene from plain data; unknown names are errors that list the valid ones. Data with neither a
         tolerance nor an integrator nor substeps have the tolerance of "standard"."""
         if not isinstance(data, Mapping):

@@ -1,7 +1,5 @@
 """Progress of a command on standard error."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import sys
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 EVERY = 10.0  # s; time between two lines of progress where there is no terminal
 
 
-def progress_bars() -> Progress:
+def progress_bars() -> "Progress":
     """Progress whose tasks have a ``note``: bars on a terminal or in a notebook, else a line every 10 s."""
     with needs("train"):
         from rich.console import Console
