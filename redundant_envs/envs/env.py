@@ -140,7 +140,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         """Record the position of the tip for its trail; in the mode "human", show the picture."""
         self._see(self._lane.outputs.lanes(slice(1)))
         if self.render_mode == "human":
-            self._pictures().show(self._drawn()[0])
+            self._renderer.show(self._drawn()[0])
 
     @first
     def render(self) -> NDArray[np.uint8] | None:
@@ -150,11 +150,11 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None
         picture = self._drawn()[0]
-        return self._pictures().show(picture) if self.render_mode == "human" else picture
+        return self._renderer.show(picture) if self.render_mode == "human" else picture
 
     def close(self) -> None:
         """Close the window if there is one."""
-        if self._renderer is not None:
+        if "_renderer" in self.__dict__:
             self._renderer.close()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self
 
@@ -28,6 +29,7 @@ from redundant_envs.tasks.base import is_confined
 
 LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes have each for itself
 MOVING = ("core", "_memory", "_np_random", "_actions")  # attributes that steps change
+MADE_ANEW = ("_renderer", "_lane")  # attributes that copies make when they need them
 SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
 ON_BAD_ACTION = ("raise", "terminate")
 PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
@@ -157,7 +159,6 @@ class EnvBase:
         self.core, self._memory = core, core.memory
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
         self.metadata = {**self.metadata, "render_fps": 1.0 / core.scene.control_dt}
-        self._renderer: Any = None
         # Observed quantities are within -1 to 1, and the numbers after them within their ranges.
         of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
         low, high = np.array([*of_task, *core.bounds], dtype=np.float32).T
@@ -170,8 +171,7 @@ class EnvBase:
 
     @first
     def __getstate__(self) -> dict[str, Any]:
-        state = {**self.__dict__, "_renderer": None}
-        state.pop("_lane", None)  # of a single environment, which makes it anew
+        state = {name: x for name, x in self.__dict__.items() if name not in MADE_ANEW}
         moving = {name: state[name] for name in MOVING if name in state}
         return {**state, **copy.deepcopy(moving)}  # other threads may go on until the state is written
 
@@ -259,28 +259,26 @@ class EnvBase:
         self.core.set_state(state)
         self._begin_trails()
 
-    def _pictures(self) -> Any:
-        """The renderer, made when it is first used."""
-        if self._renderer is None:
-            from redundant_envs.envs.rendering import Renderer
+    @functools.cached_property
+    def _renderer(self) -> Any:
+        from redundant_envs.envs.rendering import Renderer
 
-            self._renderer = Renderer(self.core, *self._size)
-        return self._renderer
+        return Renderer(self.core, *self._size)
 
     def _see(self, out: Outputs) -> None:
         """Record the positions of the tips for their trails."""
         columns = self.core.columns
-        self._pictures().record(columns.of(out, "steps"), columns.points(out, TIP))
+        self._renderer.record(columns.of(out, "steps"), columns.points(out, TIP))
 
     def _drawn(self) -> list[NDArray[np.uint8]]:
         """A picture of each environment; ResetNeeded before their first reset."""
         if not self.core.begun_all:
             raise ResetNeeded("render was called before reset; call reset() first")
-        return [self._pictures().draw(lane) for lane in range(self.core.num_envs)]
+        return [self._renderer.draw(lane) for lane in range(self.core.num_envs)]
 
     def _begin_trails(self) -> None:
         """Let trails begin where the tips are, as after a state was set."""
-        if self._renderer is not None:
+        if "_renderer" in self.__dict__:
             self._renderer.clear()
             self._see(self.core.observe()[1])
 
