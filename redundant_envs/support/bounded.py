@@ -116,10 +116,8 @@ def read_rows(path: Path, what: str) -> Iterator[dict[str, str]]:
             yield dict(zip(head, cells, strict=True))
 
 
-def read_members(
-    file: BinaryIO, where: str, names: Sequence[str] | None = None, most: int = MAX_UNPACKED
-) -> dict[str, bytes]:
-    """The members of a zip file by name, all or those with these names, of at most ``most`` bytes in all.
+def read_members(file: BinaryIO, where: str, names: Sequence[str] | None = None) -> dict[str, bytes]:
+    """The members of a zip file by name, all or those with these names, of at most 64 MiB in all.
 
     ValueError if it is damaged, lacks one of the names, has one twice, has more than ``MAX_MEMBERS``, or one
     is neither stored nor deflated: other methods may need gigabytes for a member of any size.
@@ -135,7 +133,7 @@ def read_members(
         for name, entry in wanted.items():
             if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise ValueError(f"{where} has a {shown(name)} that is neither stored nor deflated")
-        _check_unpacked(wanted.values(), where, most)
+        _check_unpacked(wanted.values(), where, MAX_UNPACKED)
         # By their sizes: without one a member is unpacked whole, with what it has beyond its size.
         return {name: archive.open(entry).read(entry.file_size) for name, entry in wanted.items()}
 
