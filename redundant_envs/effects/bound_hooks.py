@@ -4,7 +4,6 @@ which are those of a lane: quantities of the arm, and numbers and states of effe
 import dataclasses
 import functools
 import itertools
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -262,10 +261,6 @@ class Attachments(tuple[Attached[Hook], ...]):
         if unit != effort:
             raise ValueError(f"at {arm.joints[joint]} {giver!r} gives {unit!r}, not {effort!r}; add a motor")
         return [*units, (None, unit)]
-
-    def place_in_chain(self, effect: Effect) -> float:
-        """The first place of an effect's links in the chains; beyond all places for one without links."""
-        return min((a.hook.link for a in self.of(Actuation) if a.effect is effect), default=math.inf)
 
     @property
     def instants(self) -> tuple[Attached[hooks.Instant], ...]:

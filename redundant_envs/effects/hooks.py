@@ -408,8 +408,8 @@ class Effect:
 
     def __post_init__(self, *given: Any) -> None:
         for name, declared in self.__declared().items():
-            value = declared.checked(f"{type(self).__name__}.{name}", getattr(self, name))
-            object.__setattr__(self, name, value)
+            called = f"{type(self).__name__}.{name}"
+            object.__setattr__(self, name, declared.check(called, declared.form(called, getattr(self, name))))
         following = getattr(super(), "__post_init__", None)  # of another base class
         if following is not None:
             following(*given)

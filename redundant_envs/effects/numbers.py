@@ -39,10 +39,6 @@ class Declared:
     units: tuple[str, ...]
     of_joints: bool = False  # whether there is one for each joint; a single number serves all of them
 
-    def checked(self, field: str, value: Any) -> Any:
-        """The value as it is kept; ValueError that names the field."""
-        return self.check(field, self.form(field, value))
-
 
 @dataclass(frozen=True)
 class Example:

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from redundant_envs.effects import REGISTRY as EFFECTS
 from redundant_envs.effects.bound_hooks import Attachments, identifier
-from redundant_envs.effects.hooks import MAX_INSTANTS, Effect, Impact, State
+from redundant_envs.effects.hooks import MAX_INSTANTS, Actuation, Effect, Impact, State
 from redundant_envs.effects.numbers import COMMAND
 from redundant_envs.effects.validate_hooks import check_attached
 from redundant_envs.robots import REGISTRY as ARMS
@@ -258,8 +258,8 @@ class Scene:
 
     def action_units(self) -> tuple[str, ...]:
         """Parameters in units of which an environment takes its actions, one for each motor; () if none."""
-        effects = sorted(self.effects, key=self.attached.place_in_chain)
-        units = ((e.key, e.action_units(self.robot)) for e in effects)
+        links = sorted(self.attached.of(Actuation), key=lambda link: link.hook.link)
+        units = ((e.key, e.action_units(self.robot)) for e in (*(a.effect for a in links), *self.effects))
         return next((tuple(f"{key}.{own}" for own in names) for key, names in units if names), ())
 
     def command_units(self) -> tuple[str, ...]:
