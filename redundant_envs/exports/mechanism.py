@@ -8,7 +8,7 @@ import numpy as np
 from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached, field_of
 from redundant_envs.effects.effort_limits import EffortLimits
-from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Effect, Force, Friction, Inertia, PointMass
+from redundant_envs.effects.hooks import CONTROL_DT, SPEED, Force, Friction, Inertia, PointMass
 from redundant_envs.exports.files import Note, named, refuse_inexact
 from redundant_envs.exports.linear_forces import Linear, linear_forces
 from redundant_envs.exports.links import Array, RigidLink, coordinates_at, links_of
@@ -17,6 +17,7 @@ from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.derived import coordinate_rates, joint_rates
 from redundant_envs.scenes.scene import Scene
+from redundant_envs.tasks.base import hard_stops, spring_limits
 
 Travel = dict[int, tuple[float, float]]  # ends of joints
 MAX_CHANGED = 1e-10  # share by which the least inertias may change accelerations
@@ -195,38 +196,31 @@ def _mobility(scene: Scene) -> float:
 
 
 def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
-    notes = []
+    limits = (*spring_limits(scene), *hard_stops(scene))
+    notes, limiting = [], {lower.rpartition(".")[0] for _, lower, _ in limits}
     for effect in scene.effects:
         if effect.key in unfit:
             written = "left out"
-            if _ends_of(scene, effect):
+            if effect.key in limiting:
                 written = form.soft_ends
             elif any(isinstance(h, Friction) for h in effect.hooks(scene.robot)):
                 written = "written with its level at rest"
             notes.append(Note(named(effect, scene), unfit[effect.key], written))
     if scene.actuation != "joint" and not form.generalized:
         notes.append(Note("actuation 'generalized'", f"{form.name} has motors at joints alone", "left out"))
-    changed = form.least * _mobility(scene)
-    if changed > MAX_CHANGED:
+    if (changed := form.least * _mobility(scene)) > MAX_CHANGED:
         reason = f"a body has {form.least:g} kg m^2 there, which changes accelerations by {changed:.1g}"
         notes.append(Note(f"the small masses of {scene.robot.kind}", reason, "written with it"))
     return notes
 
 
-def _ends_of(scene: Scene, effect: Effect) -> list[tuple[int, str, str]]:
-    """Joints whose travel an effect limits, and its numbers with the ends."""
-    stops = (h for h in effect.hooks(scene.robot) if isinstance(h, hooks.Impact))
-    hard = [(h.joint, h.lower[1:], h.upper[1:]) for h in stops]
-    return hard or [(joint, *ends) for joint, ends in effect.travel(scene.robot).items()]
-
-
 def _soft_ends(scene: Scene, known: Mapping[str, float], unfit: Mapping[str, str]) -> Travel:
     """Ends of travel of the effects that are only approximated; of several, the nearer ones."""
     travel: Travel = {}
-    for effect in (e for e in scene.effects if e.key in unfit):
-        for joint, lower, upper in _ends_of(scene, effect):
+    for joint, lower, upper in (*spring_limits(scene), *hard_stops(scene)):
+        if lower.rpartition(".")[0] in unfit:  # the key of the effect
             low, high = travel.get(joint, (-FREE, FREE))
-            low, high = max(low, known[f"{effect.key}.{lower}"]), min(high, known[f"{effect.key}.{upper}"])
+            low, high = max(low, known[lower]), min(high, known[upper])
             if (low, high) != (-FREE, FREE):
                 travel[joint] = (low, high)
     return travel
