@@ -167,8 +167,7 @@ class Attachments(tuple[Attached[Hook], ...]):
         attached = functools.partial(_attached, own, itertools.count(1), itertools.count(1))
         made = cls(attached(*pair) for pair in every)
         made.commands = commands = tuple(numbered("command{}", len(arm.joints)))
-        located = made._locating(arm) if controlled else set()
-        if located:
+        if controlled and (located := made._locating(arm)):
             made = cls(attached(a.effect, a.hook, by_side=True) if a in located else a for a in made)
             made.commands = commands
         return made

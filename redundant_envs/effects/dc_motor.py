@@ -13,8 +13,7 @@ def driving_voltage(command, rate, constant, gear, voltage):
 
 @physics
 def current_change(command, rate, current, resistance, inductance, constant, gear, voltage):
-    driving = driving_voltage(command, rate, constant, gear, voltage)
-    return (driving - resistance * current) / inductance
+    return (driving_voltage(command, rate, constant, gear, voltage) - resistance * current) / inductance
 
 
 @physics

@@ -52,9 +52,6 @@ def force_and_place(
     return fx, fy, s
 
 
-OF_FIRST = ("xb", "yb", "vxb", "vyb", "centre_x", "centre_y", "radius", *contact.NUMBERS)
-
-
 @physics(takes=arguments_of(force_and_place))
 def at_near_end(*values):
     fx, fy, s = force_and_place(*values)
@@ -68,7 +65,7 @@ def at_far_end(*values):
     return s * fx, s * fy
 
 
-@physics(takes=OF_FIRST)
+@physics(takes=("xb", "yb", "vxb", "vyb", "centre_x", "centre_y", "radius", *contact.NUMBERS))
 def at_end_of_first(xb, yb, vxb, vyb, *values):
     """The first link begins at the base, which bears the other share."""
     return at_far_end(0.0, 0.0, xb, yb, 0.0, 0.0, vxb, vyb, *values)

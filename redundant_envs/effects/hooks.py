@@ -410,8 +410,7 @@ class Effect:
         for name, declared in self.__declared().items():
             called = f"{type(self).__name__}.{name}"
             object.__setattr__(self, name, declared.check(called, declared.form(called, getattr(self, name))))
-        following = getattr(super(), "__post_init__", None)  # of another base class
-        if following is not None:
+        if (following := getattr(super(), "__post_init__", None)) is not None:  # of another base class
             following(*given)
 
     def __present(self) -> Iterator[tuple[dataclasses.Field[Any], Any]]:

@@ -18,7 +18,6 @@ from redundant_envs.support.values import shown
 FRAMES_PER_SECOND = 25
 TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50  # how long the tip's way is shown, and by how many points at most
 BORDER = 1.08  # half of a picture's width, in units of the farthest distance of a point from the base
-SLIDERS = [palette.css(color) for color in palette.ARMS[0]]
 
 
 def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) -> "Animation":
@@ -62,8 +61,7 @@ class Animation:
         self._tips = points[:, -1]
         self._farthest = float(np.hypot(points[..., 0], points[..., 1]).max())
         self._drawing = Drawing(scene)
-        values = scene.parameters()
-        self._limits = np.array([values[name] for name in scene.action_units()])
+        self._limits = np.array([scene.parameters()[name] for name in scene.action_units()])
 
     def __repr__(self) -> str:
         what = f"{self._scene.robot.kind}, {self._t[-1] - self._t[0]:g} s"
@@ -118,7 +116,7 @@ def energies_figure(motion: Trajectory, name: str) -> Any:
     energy.plot(motion.t, motion.potential_energy, color=potential, lw=1.4, label="potential")
     energy.set_ylabel("energy [J]")
     energy.set_title(f"{literal(name)}: kinetic and potential energy", loc="left")
-    for k, color in zip(sliders, itertools.cycle(SLIDERS), strict=False):
+    for k, color in zip(sliders, itertools.cycle(map(palette.css, palette.ARMS[0])), strict=False):
         slider = arm.coordinates[k]
         panels[1].plot(motion.t, motion.q[:, k], color=color, lw=1.4, label=slider)
         for i, limit in enumerate(filter(np.isfinite, limits.get(k, ()))):
@@ -135,8 +133,7 @@ def total_figure(motion: Trajectory, name: str) -> Any:
     energy, error = figure.subplots(2, sharex=True, height_ratios=[3, 2])
     parts = motion.potential_energy.min(), motion.kinetic_energy.max()
     energy.update_datalim([(motion.t[0], part) for part in parts])
-    book = motion.without_springs
-    if book is not None:
+    if (book := motion.without_springs) is not None:
         energy.plot(motion.t, book, color=palette.css(palette.LEFT_OUT), lw=1.0, label="springs left out")
     energy.plot(motion.t, motion.total, color=palette.css(palette.TOTAL), lw=2.0, label="total")
     if float(np.abs(motion.work).max()) > 1e-12 * motion.scale:

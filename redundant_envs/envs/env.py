@@ -115,8 +115,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         self._begin()
         if not self.core.begun_all or self.core.ended.any():
             self._operation = None
-        generator = self.core.generators[0]
-        if generator is not None:
+        if (generator := self.core.generators[0]) is not None:
             self._np_random = generator
 
     def get_wrapper_attr(self, name: str) -> Any:

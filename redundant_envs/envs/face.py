@@ -31,7 +31,6 @@ LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes 
 MOVING = ("core", "_memory", "_np_random", "_actions")  # attributes that steps change
 MADE_ANEW = ("_renderer", "_lane")  # attributes that copies make when they need them
 SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
-ON_BAD_ACTION = ("raise", "terminate")
 PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
@@ -150,7 +149,7 @@ class EnvBase:
     def _check_choice(self, name: str, value: Any) -> None:
         """ValueError unless a value is one of those that an attribute can have."""
         modes = (None, *type(self).metadata["render_modes"])
-        valid = {"on_bad_action": ON_BAD_ACTION, "render_mode": modes}.get(name)
+        valid = {"on_bad_action": ("raise", "terminate"), "render_mode": modes}.get(name)
         if valid and value not in valid:
             raise ValueError(f"{name} is {shown(value)}; choose {' or '.join(map(repr, valid))}")
 

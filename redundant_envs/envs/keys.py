@@ -38,8 +38,7 @@ class EpisodeKeys:
 
     def seed_new(self, lanes: Iterable[int]) -> None:
         """Give generators of their own to those of some lanes that have none."""
-        new = [lane for lane in lanes if self._generators[lane] is None and self.seeds[lane] < 0]
-        if new:
+        if new := [lane for lane in lanes if self._generators[lane] is None and self.seeds[lane] < 0]:
             self.seed(np.array(new), np.random.SeedSequence().generate_state(len(new), np.uint64).tolist())
 
     def _made(self, lane: int) -> Any:
@@ -74,9 +73,8 @@ class EpisodeKeys:
             else:  # of others the words are not the same, and they do not go back
                 drawn[-1] = generator.integers(0, 2**32, size=KEY_WORDS, dtype=np.uint32)
                 self._left[lane] = 1
-        keys = self._drawn[lanes, -self._left[lanes]]
         self._left[lanes] -= 1
-        return keys
+        return self._drawn[lanes, -1 - self._left[lanes]]
 
 
 # To make a generator takes 10 us. The algorithms of SeedSequence and PCG64 stay as they are (NumPy's NEP 19).

@@ -222,8 +222,7 @@ def from_segment(x: Any, y: Any, dx: Any, dy: Any) -> Any:
 def cover(text: str, height: float) -> NDArray[np.float32]:
     """How much of each pixel a line of text covers, (rows, columns), 0 to 1; two are free around the text.
     ``height`` is that of a digit, px. ValueError if a character has no glyph."""
-    lacking = sorted(set(text) - GLYPHS.keys())
-    if lacking:
+    if lacking := sorted(set(text) - GLYPHS.keys()):
         raise ValueError(f"text is {text!r}; there is no glyph for {''.join(lacking)!r} in GLYPHS")
     unit, left = height / CAPITAL, 2.0
     width = sum(GLYPHS[c][0] + GAP for c in text) - GAP
@@ -367,8 +366,7 @@ class Drawing:
                 canvas.disc(circle.centre, radius, palette.EDGE, ring=2.4)
             self._background = made_for, canvas.pixels
         canvas = Canvas(half_width, self._background[1].copy())
-        moved = [x.displacement for x in found if isinstance(x, shapes.Ground)]
-        if moved:
+        if moved := [x.displacement for x in found if isinstance(x, shapes.Ground)]:
             canvas.grid(-np.sum(moved, axis=0), GROUND * reach, 4.0, palette.GRID)
         return canvas
 

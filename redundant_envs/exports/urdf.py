@@ -51,8 +51,7 @@ def _inertial(link: ET.Element, mass: float, centre: Iterable[float], inertia: f
 def _draw(link: ET.Element, made: Mechanism, k: int) -> None:
     """A bar from the joint of a link to the next one, and a ball for each point mass."""
     end, radius = made.ends[k], made.thickness / 2.0
-    length = float(np.hypot(*end))
-    if length > radius:
+    if (length := float(np.hypot(*end))) > radius:
         visual = ET.SubElement(link, "visual")
         turn = numbers(0.0, 0.0, np.arctan2(end[1], end[0]))
         ET.SubElement(visual, "origin", xyz=numbers(*end / 2.0, 0.0), rpy=turn)

@@ -128,8 +128,7 @@ def check_named_once(what: str, given: Mapping[str, Iterable[str]]) -> None:
     owners: dict[str, str] = {}
     for owner, names in given.items():
         for name in names:
-            other = owners.setdefault(name, owner)
-            if other != owner:
+            if (other := owners.setdefault(name, owner)) != owner:
                 raise ValueError(f"{what} {name} twice, by {other!r} and {owner!r}; leave one out")
 
 

@@ -206,8 +206,7 @@ def distribution(where: str, data: Any) -> Distribution:
         raise ValueError(f"{where} has a normal without ends; give 'within': [low, high]")
     low, high = _ends(f"{where}.within", data["within"])
     made = Normal(low, high, mean, deviation)
-    share = made.shares()[-1]
-    if share < SMALLEST_SHARE:
+    if (share := made.shares()[-1]) < SMALLEST_SHARE:
         what = f"{where}.within is {low} to {high}, with {share:.1g} of the draws"
         raise ValueError(f"{what} of the normal; give ends with at least {SMALLEST_SHARE:g}")
     return made
@@ -229,8 +228,7 @@ def _choices(field: str, data: Any) -> tuple[float, ...]:
     values: Any = strengths(field, numbers(field, data))
     if not 1 <= len(values) <= MAX_CHOICES:
         raise ValueError(f"{field} has {len(values)} values; give 1 to {MAX_CHOICES}")
-    twice = [v for v in values if values.count(v) > 1]
-    if twice:
+    if twice := [v for v in values if values.count(v) > 1]:
         raise ValueError(f"{field} has {twice[0]} more than once; name each once")
     return tuple(values)
 
@@ -246,8 +244,7 @@ class Range:
 
     def plain(self) -> dict[str, Any]:
         """Plain data that :func:`ranges` takes under the name."""
-        data = self.distribution.plain()
-        data = {"scale": data} if self.scale else data
+        data = {"scale": self.distribution.plain()} if self.scale else self.distribution.plain()
         return {**data, "shared": True} if self.shared else data
 
     def drawn(self, value: Any, nominal: float) -> Any:
@@ -283,6 +280,6 @@ def _range(name: Any, data: Any) -> Range:
     return Range(name, distribution(f"{where}.scale", rest["scale"]), scale=True, shared=shared)
 
 
-def plain(drawn: Iterable[Range]) -> dict[str, Any]:
+def plain_ranges(drawn: Iterable[Range]) -> dict[str, Any]:
     """Plain data of ranges, by their names."""
     return {one.name: one.plain() for one in drawn}

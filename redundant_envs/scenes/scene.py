@@ -21,8 +21,7 @@ from redundant_envs.robots.parameters import between, number
 from redundant_envs.scenes import config_folder
 from redundant_envs.scenes.files import exists, explained, read_yaml, shipped_data
 from redundant_envs.scenes.numbers import check_ranges, entries_of, is_of_task
-from redundant_envs.scenes.ranges import plain as plain_ranges
-from redundant_envs.scenes.ranges import ranges
+from redundant_envs.scenes.ranges import plain_ranges, ranges
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.notebook import as_html, table
 from redundant_envs.support.values import (
@@ -108,16 +107,14 @@ class Scene:
             raise ValueError("effects has two stops for one joint; combine them into one")
         taken: dict[str, str] = {}  # every parameter is a row of its own in the compiled core
         for name in (*self._parameters, *self.states()):
-            other = taken.setdefault(identifier(name), name)
-            if other != name:
+            if (other := taken.setdefault(identifier(name), name)) != name:
                 raise ValueError(f"effects have {other!r} and {name!r}, too much alike; rename one")
         if isinstance(self.robot, WithAddedInertia):
             raise ValueError(f"robot is a {self.robot.kind} with added inertias; give the scene's own robot")
         self.command_units()  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
-        owners = [a.key for a in self.attached.instants]
-        if len(owners) > MAX_INSTANTS:
+        if len(owners := [a.key for a in self.attached.instants]) > MAX_INSTANTS:
             raise ValueError(f"effects has instants of {', '.join(owners)}; give at most {MAX_INSTANTS}")
         if not isinstance(self.integrator, str) or self.integrator not in METHODS:
             raise ValueError(f"integrator is {shown(self.integrator)}; choose {', '.join(METHODS)}")

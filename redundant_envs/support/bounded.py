@@ -202,8 +202,7 @@ def _damaged(where: str, why: object) -> ValueError:
 
 
 def _check_unpacked(entries: Iterable[Any], where: str, most: int) -> None:
-    size = sum(entry.file_size for entry in entries)
-    if size > most:
+    if (size := sum(entry.file_size for entry in entries)) > most:
         raise ValueError(f"{where} unpacks to {size} bytes, more than the {most} that are read")
 
 

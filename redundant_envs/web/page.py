@@ -162,8 +162,7 @@ def _sliders(scene: Scene) -> Iterator[Slider]:
     unit = " or ".join(dict.fromkeys(units[name].replace("/rad", "") for name in friction))
     yield Slider("joint friction", unit, 0.0, 1.0, 0.01, friction)
     yield Slider("motor strength", "×", 0.2, 2.0, 0.05, _fields(scene, EffortLimits), factor=True)
-    stops = [name for name in _fields(scene, PrismaticStop) if "restitution" in name]
-    if stops:
+    if stops := [name for name in _fields(scene, PrismaticStop) if "restitution" in name]:
         yield Slider("restitution", "", 0.0, 1.0, 0.05, stops)
     for k in range(len(robot.masses)):
         yield Slider(f"mass {k + 1}", "kg", 0.1, 2.0, 0.05, [f"m{k + 1}"], body=True)
