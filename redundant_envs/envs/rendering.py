@@ -61,7 +61,7 @@ class Canvas:
 
     def __init__(self, half_width: float, pixels: NDArray[np.uint8]) -> None:
         self.pixels = pixels
-        self.height, self.width, _ = pixels.shape
+        self.height, self.width = map(int, pixels.shape[:2])
         self.unit = min(self.width, self.height) / SIZE
         self.scale = SIZE / (2.0 * half_width)
         self._columns, self._rows = (np.arange(0.5, n, dtype=np.float32) for n in (self.width, self.height))
