@@ -28,9 +28,7 @@ with needs("train"):
 # Nothing large is imported here: a wrong argument is refused at once, before torch is imported.
 
 
-Training = Annotated[
-    str, Argument(help="YAML file, a preset's name, or env=ID without one", autocompletion=presets)
-]
+Training = Annotated[str, Argument(help="YAML file, preset, or env=ID without one", autocompletion=presets)]
 OVERRIDES = "key=value, such as seed=3 ppo.gamma=0.98; tune does not search what has a value"
 Overrides = Annotated[list[str] | None, Argument(help=OVERRIDES)]
 Folder = Annotated[Path, Argument(help="run folder")]
@@ -96,9 +94,7 @@ def train(
     seeds: Annotated[
         str | None, Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
     ] = None,
-    processes: Annotated[
-        int | None, Option(help="runs at a time, each on its own core (default: all cores)")
-    ] = None,
+    processes: Annotated[int | None, Option(help="runs at a time, each on one core (default: all)")] = None,
     on: Annotated[
         str, Option(help="where several runs go: processes of this machine, or a ray cluster")
     ] = "processes",
@@ -182,9 +178,7 @@ def tune(
         Option(help="key=low..high or key=a|b|c, instead of the learner's default search; may be repeated"),
     ] = None,
     seed: Annotated[int, Option(help="of the sampler")] = 0,
-    processes: Annotated[
-        int, Option(help="trials at a time; their number changes the settings that are tried")
-    ] = 1,
+    processes: Annotated[int, Option(help="trials at a time; their number changes the settings tried")] = 1,
     storage: Annotated[
         str | None,
         Option(help="share the study with other machines: URL of a database, or file of Optuna's journal"),
@@ -289,12 +283,8 @@ def curves(
 
 @app.command()
 def play(
-    target: Annotated[
-        str, Argument(help="run folder, folder of an exported policy, or id such as RPRPReach-v0")
-    ],
-    actions: Annotated[
-        str | None, Option(help="actions for an id: zero, random or expert (default expert)")
-    ] = None,
+    target: Annotated[str, Argument(help="folder of a run or exported policy, or id such as RPRPReach-v0")],
+    actions: Annotated[str | None, Option(help="for an id: zero, random or expert (default expert)")] = None,
     clip: Annotated[Path | None, Option(help="write a .gif or .mp4 instead of opening a window")] = None,
     episodes: int = 3,
     seed: int = 0,

@@ -16,7 +16,7 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.figures import check_clip, write_clip
 from redundant_envs.support.values import check_between, say, shown
 
-from .config import Config
+from .config import MAX_EPISODES, Config
 from .rollout import Act, each, expert_act, policy_act, random_act
 from .run_folder import own_config, tell_differences
 
@@ -25,7 +25,6 @@ ACTIONS: dict[str, Callable[[int], Act]] = {
     "random": random_act, "expert": lambda seed: expert_act(),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
-MAX_EPISODES = 1_000_000
 MAX_SEED = 2**63
 CLIP_EVERY = 2  # control steps from frame to frame
 LARGEST_CLIP = 1 << 29

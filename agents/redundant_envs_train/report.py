@@ -35,12 +35,6 @@ EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "exper
 """Columns of episodes.csv."""
 
 
-def versions() -> dict[str, str]:
-    """Versions of the packages on which the figures depend."""
-    others = {name: version(name) for name in PACKAGES[1:]}
-    return {"python": platform.python_version(), PACKAGES[0]: __version__, **others}
-
-
 class Evaluation(NamedTuple):
     """The content of evaluation.json, and the rows of episodes.csv."""
 
@@ -61,6 +55,7 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
         expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
     missed = np.ones(n, np.bool_) if policy.hold is None else ~policy.hold
     ended = [Numerics(bits) for bits in policy.faults[missed & policy.ended].tolist()]
+    others = {name: version(name) for name in PACKAGES[1:]}
     result = {
         **{name: getattr(config, name) for name in ("env", "algo", "seed")}, "episodes": n,
         "interval": None if policy.hold is None else [*wilson(int(policy.hold.sum()), n)],
@@ -71,7 +66,8 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
         # success says more than these, where a task tells it
         "metrics": {} if policy.hold is not None else {k: float(v.mean()) for k, v in policy.metrics.items()},
         **{name: facts[name] for name in ("env_steps", "train_seconds")},
-        "date": time.strftime("%Y-%m-%d"), "machine": machine_name(), "versions": versions(),
+        "date": time.strftime("%Y-%m-%d"), "machine": machine_name(),
+        "versions": {"python": platform.python_version(), PACKAGES[0]: __version__, **others},
     }  # fmt: skip
     columns = [policy.hold, policy.touch, policy.distance, policy.returns]
     columns += [None, None] if expert is None else [expert.hold, expert.distance]

@@ -1,6 +1,7 @@
 """Run folders: their files, their scenes, and checks before one is written. Nothing large is imported."""
 
 import contextlib
+import functools
 import hashlib
 import itertools
 import json
@@ -304,9 +305,7 @@ def tell_differences(folders: Sequence[Path]) -> None:
 # ---- checks of folders for results, before anything long begins
 
 
-def check_out(folder: Path) -> None:
-    """Refuse an impossible folder for results; see :func:`check_folder`."""
-    check_folder("out", folder, "choose another --out")
+check_out = functools.partial(check_folder, "out", fix="choose another --out")
 
 
 @contextlib.contextmanager

@@ -14,16 +14,6 @@ from redundant_envs.support.values import shown
 from .fields import checked, limits, model_at, short
 from .run import ALGORITHMS, CLIENTS, VERSION, Config
 
-KEYS = """# Keys of a training configuration
-
-Made by `python -m agents schema --markdown` (from a wheel `redundant-envs-train`). A YAML file has these
-keys (`configs/training` has the presets),
-and a command sets them for one run: `python -m agents train rprp_reach_ppo seed=3 ppo.gamma=0.98`. Settings
-of a learner are allowed if `algo` names it. `python -m agents schema` prints a JSON schema, for editors.
-
-"""
-"""The beginning of the page of the keys."""
-
 
 def presets() -> list[str]:
     """Names of all presets; baselines are named with their folder."""
@@ -129,6 +119,8 @@ def keys() -> Iterator[tuple[str, Any]]:
 
 def page_of_keys() -> str:
     """All keys as a page of Markdown: meaning, default, allowed values and unit of each."""
+    from ..pages import page  # imports Jinja2
+
     rows: dict[str, list[tuple[str, ...]]] = {}
     for name, field in keys():
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
@@ -142,8 +134,7 @@ def page_of_keys() -> str:
         rows.setdefault(name.rpartition(".")[0], []).append(cells)
     head = ("key", "default", "allowed", "meaning")
     tables = {algo: markdown(head, cells, formatted=True) for algo, cells in rows.items()}
-    text = KEYS + tables.pop("")
-    return text + "".join(f"\n\n## Settings of {algo}\n\n{table}" for algo, table in tables.items()) + "\n"
+    return page("keys", tables=tables)
 
 
 def written(default: Any) -> str:

@@ -69,7 +69,7 @@ def curves(places: Iterable[str | Path], path: str | Path) -> Path:
 
 def draw_curves(groups: Sequence[Group], path: Path) -> Path:
     """Draw the learning curves of groups, and write their numbers beside them; returns the CSV file."""
-    save_figure(draw(groups, tuple(AXES)), path)
+    save_figure(draw(groups), path)
     rows = [row for same in groups for axis in AXES for row in _rows(same, axis)]
     write_rows(rows, TABLE, path.with_suffix(".csv"))
     return path.with_suffix(".csv")
@@ -117,7 +117,7 @@ def expert(same: Group, measure: str) -> float | None:
     return float(np.median(known)) if known else None
 
 
-def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
+def draw(groups: Sequence[Group]) -> Any:
     """The figure of the groups: a subfigure per environment and scene, a row per axis, three panels each."""
     with needs("plot"):
         from matplotlib.lines import Line2D
@@ -132,13 +132,13 @@ def draw(groups: Sequence[Group], axes: Sequence[str]) -> Any:
         explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="95 % interval of the mean"))
     titles = list(dict.fromkeys(same.title for same in groups))
     looks = _looks(groups)
-    figure = new_figure(11.0, len(titles) * (2.5 * len(axes) + 0.75), 120)
+    figure = new_figure(11.0, len(titles) * (2.5 * len(AXES) + 0.75), 120)
     parts = figure.subfigures(len(titles), 1, squeeze=False)[:, 0]
     for part, title in zip(parts, titles, strict=True):
         shown = [same for same in groups if same.title == title]
         names = told(shown)
-        panels = part.subplots(len(axes), len(names), squeeze=False)
-        for row, axis in zip(panels, axes, strict=True):
+        panels = part.subplots(len(AXES), len(names), squeeze=False)
+        for row, axis in zip(panels, AXES, strict=True):
             for panel, name in zip(row, names, strict=True):
                 for same in shown:
                     _draw_group(panel, name, axis, same, looks[same.learner])

@@ -78,7 +78,7 @@ class Networks:
         self.weights, self.biases, self.extra = self._parts(self.vector)
         self._transposed = [weight.mT for weight in self.weights]
         self._dweights, self._dbiases, self.dextra = self._parts(self.gradient)
-        self._read()
+        self.read(mixed=False)
 
     def _parts(self, vector: Tensor) -> tuple[list[Tensor], list[Tensor], Tensor]:
         """Views of a vector: weights (K, outputs, inputs) and biases (K, 1, outputs) by layer, the rest."""
@@ -93,19 +93,15 @@ class Networks:
         return weights, biases, vector[at:]
 
     @torch.no_grad()
-    def _read(self) -> None:
+    def read(self, mixed: bool = True) -> None:
+        """Copy the modules' numbers: the reverse of :meth:`write`; as they are, unless ``mixed``."""
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             for k, network in enumerate(self.modules):
                 weight[k] = torch.cat([m.weight for m in network[layer]])
                 bias[k, 0] = torch.cat([m.bias for m in network[layer]])
         if self._beside is not None:
             self.extra.copy_(self._beside)
-
-    @torch.no_grad()
-    def read(self) -> None:
-        """Copy the modules' numbers: the reverse of :meth:`write`."""
-        self._read()
-        if self.mixing is not None:
+        if mixed and self.mixing is not None:
             first = self.weights[0]
             first.copy_(torch.linalg.solve(self.mixing.T.double(), first.mT.double()).mT)
 

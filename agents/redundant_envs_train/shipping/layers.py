@@ -50,13 +50,9 @@ class Layers:
         """Read what :meth:`save` wrote; without the widths of the parts of an observation."""
         found = read_arrays(path, "policy")
         count = sum(name.startswith("weights_") for name in found)
-        return cls(
-            inputs=dict.fromkeys(found["inputs"].tolist(), 0),
-            weights=tuple(found[f"weights_{k}"] for k in range(count)),
-            biases=tuple(found[f"biases_{k}"] for k in range(count)),
-            activation=str(found["activation"]),
-            output=str(found["output"]),
-        )
+        parts = [tuple(found[f"{kind}_{k}"] for k in range(count)) for kind in ("weights", "biases")]
+        inputs = dict.fromkeys(found["inputs"].tolist(), 0)
+        return cls(inputs, *parts, str(found["activation"]), str(found["output"]))
 
     def save(self, path: Path) -> None:
         """Write arrays that ``np.load`` reads: weights_0, biases_0, ..., activation, output, inputs."""
