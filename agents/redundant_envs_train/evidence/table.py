@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from redundant_envs.support.tables import escaped, markdown
+from redundant_envs.support.tables import markdown
 
 from ..statistics import CHANCE, MIN_RUNS, interquartile_mean, run_interval, sign_test
 from .runs import Group, read_groups
@@ -28,19 +28,13 @@ BRIEF = {
     "computed torque": "hold of computed torque", "training on one core": "training, s",
 }  # fmt: skip
 """Columns of the table of the README, and those of RESULTS that they show."""
-EXPLANATION = (
-    "Computed torque acts on the same goals as the learners. 'Hold compared' is a sign test of the goals "
-    "that only one of them missed. IQM is the interquartile mean of the seeds, with a bootstrap interval "
-    f"over seeds (unknown with fewer than {MIN_RUNS}). Other figures are medians over seeds. Time to hold "
-    "is the median over held episodes. Effort is the mean squared normalised action, smoothness the mean "
-    "change of the action from step to step; less is better for all three. Steps per second are those of the "
-    "whole training."
-)
 UNKNOWN = "-"
 
 
 def results_table(places: Iterable[str | Path]) -> str:
     """Results of runs as two Markdown tables, a row for each group, and the notes needed to judge them."""
+    from ..pages import page  # imports Jinja2
+
     groups, comparison, untold = read_groups(places), [], []
     for same in groups:
         numbers = [_number(same.numbers(f"{who}{name}")) for name in MEASURES for who in ("", "expert_")]
@@ -48,8 +42,9 @@ def results_table(places: Iterable[str | Path]) -> str:
         if not same.numbers("hold_success"):
             mean = f"the mean return of {same.learner} is {_number(same.numbers('mean_return'))}."
             untold.append(f"The task of {same.title} tells no success: {mean}")
-    tables = markdown(RESULTS, map(_results, groups)), markdown(COMPARISON, comparison)
-    return "\n\n".join([*tables, EXPLANATION, *map(escaped, untold), escaped(_origin(groups))])
+    results, compared = markdown(RESULTS, map(_results, groups)), markdown(COMPARISON, comparison)
+    facts = {"least": MIN_RUNS, "untold": untold, "origin": _origin(groups)}
+    return page("table", results=results, comparison=compared, **facts).rstrip("\n")
 
 
 def brief_table(places: Iterable[str | Path]) -> str:
