@@ -291,8 +291,7 @@ def difference(folder: Path) -> str:
         today = scene_at(named, config.env_kwargs.get("accuracy"))
     except ValueError as error:
         return f"{what} cannot be read any more: {error}"
-    same = read_scene(folder).to_dict() == today.to_dict()
-    return "" if same else f"{folder / SCENE} differs from {what}"
+    return f"{folder / SCENE} differs from {what}" if read_scene(folder).to_dict() != today.to_dict() else ""
 
 
 def tell_differences(folders: Sequence[Path]) -> None:

@@ -80,8 +80,7 @@ def _rows(same: Group, axis: str) -> Iterable[dict[str, Any]]:
     head = [same.environment, same.scene, same.learner, len(same.runs), axis]
     experts = [expert(same, name) for name, (_, entry) in MEASURES.items() if entry]
     for x, *numbers in zip(curve.x, curve.middle, curve.low, curve.high, strict=True):
-        values = np.stack(numbers, axis=1).ravel()
-        known = ("" if np.isnan(v) else float(v) for v in values)
+        known = ("" if np.isnan(v) else float(v) for v in np.stack(numbers, axis=1).ravel())
         yield dict(zip(TABLE, (*head, float(x), *known, *experts), strict=True))
 
 

@@ -58,8 +58,7 @@ class Group:
 
     def numbers(self, name: str) -> list[float]:
         """An entry of the evaluations, from those runs that have it."""
-        found = [run.evaluation.get(name) for run in self.runs]
-        return [float(value) for value in found if value is not None]
+        return [float(found) for run in self.runs if (found := run.evaluation.get(name)) is not None]
 
 
 def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str, Any] | None = None) -> Run:

@@ -78,8 +78,7 @@ def make_model(config: Config, env: Any) -> Any:
         goals = {name: given.pop(name) for name in ("n_sampled_goal", "goal_selection_strategy")}
         given |= {"replay_buffer_class": HerReplayBuffer, "replay_buffer_kwargs": goals}
     if isinstance(settings, TD3Settings):
-        shape = (config.num_envs, env.action_space.shape[0])
-        given["action_noise"] = NormalNoise(shape, settings.action_noise)
+        given["action_noise"] = NormalNoise((config.num_envs, *env.action_space.shape), settings.action_noise)
     rate: Any = settings.learning_rate
     if settings.schedule == "linear":  # the last rollout ends after the last step
         rate = lambda remaining: settings.learning_rate * max(0.0, remaining)  # noqa: E731

@@ -128,12 +128,11 @@ class AveragedPPO(Averaging, PPO):
         entropy = self.ent_coef * rate / self.lr_schedule(1.0)
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         buffer = self.rollout_buffer
-        observations = each(_flat, buffer.observations)
         arrays = (
             buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns,
             *neighbouring_actions(self.mean_actions, buffer.episode_starts),
         )  # fmt: skip
-        data = [self.inputs(observations), *(_flat(array) for array in arrays)]
+        data = [self.inputs(each(_flat, buffer.observations)), *map(_flat, arrays)]
         rows = torch.cat(data, 1)
         widths = [part.shape[1] for part in data]
         for _ in range(self.n_epochs):

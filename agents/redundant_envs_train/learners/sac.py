@@ -183,8 +183,7 @@ class AveragedSAC(Averaging, SAC):
         self.adams["actor"].step(rate)
         self.take_means(self.average, FIRST_UPDATES / (FIRST_UPDATES + self._n_updates))
         if self.ent_coef_optimizer is not None and self.log_ent_coef is not None:
-            target = float(self.target_entropy)
-            self.log_ent_coef.grad = -(drawn.log_prob[-count:].mean() + target).reshape(1)
+            self.log_ent_coef.grad = -(drawn.log_prob[-count:].mean() + float(self.target_entropy)).reshape(1)
             self.ent_coef_optimizer.step()
 
 

@@ -196,7 +196,6 @@ def onnx_actions(path: Path, inputs: dict[str, int]) -> Any:
 
     def act(observations: Any) -> NDArray[np.float32]:
         parts = observations if isinstance(observations, dict) else {next(iter(inputs)): observations}
-        given = {name: np.asarray(parts[name], dtype=np.float32) for name in inputs}
-        return session.run(["actions"], given)[0]
+        return session.run(["actions"], {name: np.asarray(parts[name], np.float32) for name in inputs})[0]
 
     return act

@@ -142,8 +142,7 @@ class Watch(BaseCallback):
         with self.model.averaged():
             act, episodes = policy_act(self.model), config.curve_episodes
             outcome = run_episodes(config.env, act, episodes, SELECTION_SEED, **config.env_kwargs)
-        ends = outcome.hold, outcome.touch
-        shares = [math.nan if known is None else float(known.mean()) for known in ends]
+        shares = [math.nan if ends is None else float(ends.mean()) for ends in (outcome.hold, outcome.touch)]
         self.hold, self.returned = shares[0], float(outcome.returns.mean())
         numbers = dict(zip(CURVE, (*shares, self.returned), strict=True))
         with self.table.open("a", encoding="utf-8") as file:
