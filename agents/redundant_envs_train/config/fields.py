@@ -8,16 +8,8 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 
 with needs("train"):
-    from pydantic import (
-        BaseModel,
-        BeforeValidator,
-        ConfigDict,
-        Field,
-        StrictStr,
-        TypeAdapter,
-        ValidationError,
-    )
-    from pydantic.fields import FieldInfo
+    from pydantic import BaseModel, BeforeValidator, ConfigDict, StrictStr, TypeAdapter, ValidationError
+    from pydantic.fields import Field, FieldInfo
     from pydantic_core import PydanticCustomError
 
 

@@ -13,11 +13,6 @@ from .runs import Group, read_groups
 
 MEASURES = ("time_to_hold", "effort", "smoothness")
 """Compared with computed torque, whose entries have the prefix "expert_"."""
-RESULTS = (
-    "environment", "learner", "seeds", "hold, median", "hold, worst seed", "hold, IQM [95 % interval]",
-    "hold of computed torque", "hold compared", "touch, median", "steps, millions", "training, s",
-    "steps per s",
-)  # fmt: skip
 COMPARISON = (
     "environment", "learner", "time to hold, s", "... of computed torque", "effort",
     "... of computed torque", "smoothness", "... of computed torque", "machine",
@@ -27,7 +22,7 @@ BRIEF = {
     "goals held, median seed": "hold, median", "worst seed": "hold, worst seed",
     "computed torque": "hold of computed torque", "training on one core": "training, s",
 }  # fmt: skip
-"""Columns of the table of the README, and those of RESULTS that they show."""
+"""Columns of the table of the README, and those of all results that they show."""
 UNKNOWN = "-"
 
 
@@ -42,20 +37,20 @@ def results_table(places: Iterable[str | Path]) -> str:
         if not same.numbers("hold_success"):
             mean = f"the mean return of {same.learner} is {_number(same.numbers('mean_return'))}."
             untold.append(f"The task of {same.title} tells no success: {mean}")
-    results, compared = markdown(RESULTS, map(_results, groups)), markdown(COMPARISON, comparison)
+    rows, compared = [*map(_results, groups)], markdown(COMPARISON, comparison)
+    results = markdown([*rows[0]], [row.values() for row in rows])
     facts = {"least": MIN_RUNS, "untold": untold, "origin": _origin(groups)}
     return page("table", results=results, comparison=compared, **facts).rstrip("\n")
 
 
 def brief_table(places: Iterable[str | Path]) -> str:
     """Hold success and training time of runs as one small Markdown table, that of the README."""
-    found = [dict(zip(RESULTS, _results(same), strict=True)) for same in read_groups(places)]
-    rows = [[row[name] for name in BRIEF.values()] for row in found]
+    rows = [[row[name] for name in BRIEF.values()] for row in map(_results, read_groups(places))]
     return markdown(list(BRIEF), ([*row, f"{seconds} s"] for *row, seconds in rows))
 
 
-def _results(same: Group) -> list[str]:
-    """A row of the first table, in the order of RESULTS."""
+def _results(same: Group) -> dict[str, str]:
+    """A row of the first table, by its columns."""
     hold, steps = same.numbers("hold_success"), same.numbers("env_steps")
     low, high = map(float, run_interval(hold)) if hold else (math.nan, math.nan)
     middle = _percent(same, [float(interquartile_mean(hold))] if hold else [])
@@ -65,14 +60,15 @@ def _results(same: Group) -> list[str]:
         taken = f"{_number([min(steps)], 1e-6)} to {_number([max(steps)], 1e-6)}"
     told = ([run.evaluation.get(name) for name in ("env_steps", "train_seconds")] for run in same.runs)
     speeds = [steps / seconds for steps, seconds in told if steps is not None and seconds]
-    return [
-        same.title, same.learner, str(len(same.runs)), _percent(same, hold),
-        _percent(same, hold and [min(hold)]),
-        f"{middle} [{interval}]" if len(hold) > 1 else UNKNOWN,
-        _percent(same, same.numbers("expert_hold_success")), _holds_more(same),
-        _percent(same, same.numbers("touch_success")), taken, _number(same.numbers("train_seconds")),
-        _number(speeds),
-    ]  # fmt: skip
+    return {
+        "environment": same.title, "learner": same.learner, "seeds": str(len(same.runs)),
+        "hold, median": _percent(same, hold), "hold, worst seed": _percent(same, hold and [min(hold)]),
+        "hold, IQM [95 % interval]": f"{middle} [{interval}]" if len(hold) > 1 else UNKNOWN,
+        "hold of computed torque": _percent(same, same.numbers("expert_hold_success")),
+        "hold compared": _holds_more(same), "touch, median": _percent(same, same.numbers("touch_success")),
+        "steps, millions": taken, "training, s": _number(same.numbers("train_seconds")),
+        "steps per s": _number(speeds),
+    }  # fmt: skip
 
 
 def _holds_more(same: Group) -> str:

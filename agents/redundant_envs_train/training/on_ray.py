@@ -375,11 +375,8 @@ def receive(files: bytes, folder: Path) -> None:
     try:
         with told_of(folder):
             unpack(files, part)
-    except BaseException:
+        replace_folder(part, folder, old)
+    finally:
         shutil.rmtree(part, ignore_errors=True)
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # another run is being written
             incoming.rmdir()
-        raise
-    replace_folder(part, folder, old)
-    with contextlib.suppress(OSError):  # another run is being written
-        incoming.rmdir()
