@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from run_folders import CURVE, FOUR_R, csv_rows, says, write_run
+from run_folders import CURVE, FOUR_R, REFUSALS, csv_rows, says, write_run
 
 from redundant_envs.scenes.scene import load_scene
 from redundant_envs_train import statistics
@@ -109,16 +109,7 @@ def test_runs_of_a_table_are_those_of_the_folders(tmp_path):
         read_runs([path / "d" / "*"])
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('"hold_success": 0', '"hold": 0', "hold_success is missing"),
-        ("0.99,", "1.99,", "hold_success is 1.99"), ('"rk8"', '"rk7"', "'rk7'"),
-        ("[1000.0, 2000.0, 3000.0]", "[1000.0, 3000.0, 2000.0]", "steps or seconds go back"),
-        ("[1000.0, 2000.0, 3000.0]", "[1000.0]", "shape"), ("{", "[", "delimiter"),
-        ("[1000.0, 2000.0, 3000.0]", f"[1{'0' * 400}, 2000.0, 3000.0]", "too large"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("old", "new", "words"), REFUSALS["tables"])
 def test_a_damaged_table_is_named_with_the_run(tmp_path, old, new, words):
     path = tmp_path / "runs.jsonl"
     write_runs([read_run(write_run(tmp_path / "seed0"))], path)
@@ -197,14 +188,8 @@ def test_the_csv_holds_what_a_direct_computation_gives(tmp_path):
         assert float(row["hold_success"]) == pytest.approx(np.mean(values[1:-1]))
 
 
-@pytest.mark.parametrize(
-    ("curve", "name", "word"),
-    [
-        ([], "a.png", "/1 has no row in selection.csv"),
-        ([(n, s + 100.0, *more) for n, s, *more in CURVE], "a.png", "a curve of .*/1 ends before another"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_drawn_is_refused(curve, name, word, tmp_path):
-    folders = [write_run(tmp_path / "0", 0), write_run(tmp_path / "1", 1, curve=curve or [])]
-    with pytest.raises(ValueError, match=word):
-        curves(folders, tmp_path / name)
+def test_what_cannot_be_drawn_is_refused(tmp_path):
+    first, later = write_run(tmp_path / "0", 0), [(n, s + 100.0, *more) for n, s, *more in CURVE]
+    for name, curve, words in (("1", [], "has no row in selection.csv"), ("2", later, "ends before another")):
+        with says(f"{tmp_path / name} {words}"):
+            curves([first, write_run(tmp_path / name, 1, curve=curve)], tmp_path / "a.png")

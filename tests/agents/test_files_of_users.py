@@ -95,8 +95,7 @@ def test_a_folder_with_links_is_refused_with_their_names(name, run, tmp_path, re
     link.parent.mkdir(parents=True, exist_ok=True)
     link.symlink_to(victim if name != "report.md" else tmp_path / "nowhere")
     given = readers(run, tmp_path / "out").values() if name == "policy.zip" else [["report", run, "--force"]]
-    seeds = ["train", "rprp_reach_ppo", "--seeds", "0", "--out", run.parent]
-    for words in (*given, ["resume", run], seeds):
+    for words in (*given, ["resume", run], ["train", "rprp_reach_ppo", "--seeds", "0", "--out", run.parent]):
         refused(words, f"{name} (a link)")
     refused(["evaluate", POLICIES / "RPRPReach-v0-ppo", "--out", run, "--force"], f"{name} (a link)")
     assert victim.read_text() == "precious"

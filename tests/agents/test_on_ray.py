@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from run_folders import ROOT, kept, says, write_members
+from run_folders import REFUSALS, ROOT, kept, says, write_members
 from short_trainings import TINY, assert_same_policy
 
 from redundant_envs_train.config import load
@@ -30,16 +30,7 @@ pytestmark = pytest.mark.long
 COMMAND = ["train", "rprp_reach_ppo", *TINY, "--on", "ray"]
 
 
-@pytest.mark.parametrize(
-    ("more", "word"),
-    [
-        (["--processes", "0"], "processes is 0"),
-        (["--processes", "2", "--address", "h:1"], "leave one out"),
-        (["--address", ""], "address is empty"),
-        (["--address", "no address"], "address is 'no address'; Ray cannot"),
-        (["--address", "127.0.0.1:1"], "there (Connection refused)"),
-    ],
-)
+@pytest.mark.parametrize(("more", "word"), REFUSALS["ray"])
 def test_the_place_of_the_runs_is_checked_before_anything_begins(more, word, tmp_path, refused):
     refused([*COMMAND, "--seeds", "1", *more, "--out", tmp_path / "out"], word)
     assert not (tmp_path / "out").exists()
@@ -180,6 +171,5 @@ def test_a_worker_or_a_cluster_that_does_not_fit_is_refused(tmp_path, monkeypatc
     monkeypatch.setattr(on_ray, "_cluster", lambda place, count: contextlib.nullcontext())
     nodes = [{"Alive": True, "Resources": {"CPU": 2.0}}, {"Alive": False, "Resources": {"CPU": 64.0}}]
     monkeypatch.setattr(ray, "nodes", lambda: nodes)
-    config = load("rprp_reach_ppo", [*TINY, "torch_threads=3"])
     with says("torch_threads is 3; the largest machine of the cluster has 2 CPUs"):
-        on_ray.train_on_ray({"seed1": config}, tmp_path)
+        on_ray.train_on_ray({"seed1": load("rprp_reach_ppo", [*TINY, "torch_threads=3"])}, tmp_path)

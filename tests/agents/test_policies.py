@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
-from run_folders import POLICIES, Evil, members, write_members, write_scene
+from run_folders import POLICIES, REFUSALS, Evil, members, write_members, write_scene
 from short_trainings import TINY, assert_same_policy, small_config
 
 from redundant_envs.envs.sb3 import make_sb3
@@ -229,13 +229,7 @@ def test_a_training_records_what_it_started_from_and_goes_on(tmp_path, monkeypat
     refused(words, f"start_from_sha256 is {digest}; give that file")
 
 
-@pytest.mark.parametrize(
-    ("policy", "settings"),
-    [
-        ("FourRReach-v0-ppo", []), ("RPRPGoalReach-v0-her", ["algo=sac"]), ("RPRPReach-v0-sac", []),
-        ("RPRPReach-v0-ppo", ["ppo.net_arch=[32]"]), ("RPRPReach-v0-ppo", ["ppo.activation=tanh"]),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("policy", "settings"), REFUSALS["starts"])
 def test_a_policy_that_does_not_fit_is_one_line(policy, settings, tmp_path, refused):
     small = ["num_envs=16"] if "algo=sac" in settings else TINY
     lonely = shutil.copy(POLICIES / policy / "policy.zip", tmp_path)  # without a folder that describes it

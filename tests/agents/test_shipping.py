@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from published_runs import RESULTS, ROOT, published_run
-from run_folders import change, kept, says
+from run_folders import REFUSALS, change, kept, says
 from short_trainings import assert_same_policy
 
 pytest.importorskip("onnx", reason="ONNX is not installed: pip install '.[onnx]'")
@@ -115,8 +115,7 @@ def test_export_writes_a_policy_once_and_numpy_alone_acts(run, tmp_path, monkeyp
     out, _ = call("export", run, "--out", tmp_path)
     assert out.split() == [str(folder)]
     assert kept(run) == before
-    card = (folder / "README.md").read_text()
-    assert [part for part in ("<", "`rm`") if part in card] == []
+    assert [part for part in ("<", "`rm`") if part in (folder / "README.md").read_text()] == []
     refused(["export", run, "--out", tmp_path], "exists; delete it or choose another --out")
     files = {"README.md", "config.yaml", "policy.npz", "policy.onnx", "policy.zip", "scene.yaml"}
     assert {p.name for p in folder.iterdir()} == files
@@ -148,16 +147,7 @@ def test_an_export_of_a_shipped_run_is_what_is_shipped(tmp_path):
     assert_same_policy(run, folder)
 
 
-@pytest.mark.parametrize(
-    ("file", "entries", "word"),
-    [
-        ("training.json", {"stopped": True}, "was stopped"),
-        ("evaluation.json", None, "has no evaluation.json"),
-        ("config.yaml", {"env_kwargs": {"max_episode_steps": 37}}, "env_kwargs.max_episode_steps is 37"),
-        ("config.yaml", {"seed": 7}, "has 100 as 'seed'"),
-        ("evaluation.json", {"env_steps": None}, "has no env_steps"),
-    ],
-)
+@pytest.mark.parametrize(("file", "entries", "word"), REFUSALS["exports"])
 def test_a_run_that_cannot_be_exported_says_why(run, file, entries, word, tmp_path, refused):
     if entries is None:
         (run / file).unlink()

@@ -53,8 +53,7 @@ def test_computed_torque_needs_strong_motors():
     assert held[0.3, EXPERT] + 0.1 < held[0.3, HOLDABLE] < 1.0
     assert held[0.3, EXPERT] < held[0.3, LIGHTEST] < held[0.3, HOLDABLE]
     weak = load_scene(weakened("rprp_reach", 0.3))  # whose limits alone say what it holds, within 2 % of 1 m
-    loads = holding_load(weak, strength.frozen_goals("RPRP", 41), 0.02)
-    assert held[0.3, HOLDABLE] == (loads <= 1.0).mean()
+    assert held[0.3, HOLDABLE] == (holding_load(weak, strength.frozen_goals("RPRP", 41), 0.02) <= 1.0).mean()
 
 
 def run_folder(path, arm="4R", seed=0, hold=0.5, **env_kwargs):
@@ -69,7 +68,6 @@ def test_only_finished_runs_of_one_setting_and_of_the_reach_task_are_joined(tmp_
     first, third, stopped = (run_folder(tmp_path / name, "4R", k) for k, name in enumerate("abc"))
     (stopped / "training.json").write_text('{"stopped": true, "env_steps": 1, "train_seconds": 1.0}')
     change(third / "config.yaml", total_steps=1000)
-    longer = run_folder(tmp_path / "f", max_episode_steps=50)
     heavier = weakened("four_r_reach", 0.5)
     heavier["robot"]["masses"][0] = 0.6
     (row,) = learner_rows([run_folder(tmp_path / "d", "RPRP", 0, 0.7, scene="rprp_weak")])
@@ -78,7 +76,7 @@ def test_only_finished_runs_of_one_setting_and_of_the_reach_task_are_joined(tmp_
     for folders, *words in (
         ([first, third], "has other settings than other runs; give runs of one setting"),
         ([stopped], "c is a training that was stopped"),
-        ([longer], "f: env_kwargs has 'max_episode_steps'"),
+        ([run_folder(tmp_path / "f", max_episode_steps=50)], "f: env_kwargs has 'max_episode_steps'"),
         ([run_folder(tmp_path / "g", scene=heavier)], "g: its scene has ", "differs in something else"),
         ([results / "runs.jsonl/rprp_goal_reach_her/seed110"], "is of redundant_envs/RPRPGoalReach-v0; give"),
         ([results / "baselines.jsonl/rprp_reach_td3/seed0"], "is a run of TD3; give"),
