@@ -75,10 +75,11 @@ class Evil:
         return Path.touch, (self.path,)
 
 
-def csv_rows(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file, without its comments."""
+def csv_rows(path: Path, *without: str) -> list[dict[str, str]]:
+    """Rows of a CSV file, without its comments and without some columns."""
     with path.open(newline="") as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+        rows = [*csv.DictReader(line for line in file if not line.startswith("#"))]
+    return [{name: cell for name, cell in row.items() if name not in without} for row in rows]
 
 
 def write_run(

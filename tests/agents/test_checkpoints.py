@@ -1,7 +1,6 @@
 """A training that is killed at any moment continues to the same bits."""
 
 import contextlib
-import csv
 import errno
 import io
 import json
@@ -16,7 +15,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import torch
-from run_folders import POLICIES, TUNES, Evil, change, kept, members, write_members
+from run_folders import POLICIES, TUNES, Evil, change, csv_rows, kept, members, write_members
 from short_trainings import CASES, REPLAY, assert_same_policy, kill, small_config
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -29,15 +28,6 @@ from redundant_envs_train.training.train import resume, train
 from redundant_envs_train.training.watch import Watch
 
 LONG = pytest.mark.long
-
-
-def table(folder, name, without):
-    """A table of numbers, without the column of times."""
-    return [
-        [cell for k, cell in enumerate(line.split(",")) if k != without]
-        for line in (folder / name).read_text().splitlines()
-        if not line.startswith("#")
-    ]
 
 
 @contextlib.contextmanager
@@ -64,9 +54,9 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path):
     torch.rand(3)
     assert resume(killed)["env_steps"] >= small_config(case).total_steps
     assert_same_policy(whole, killed)
-    assert table(whole, "selection.csv", 1) == table(killed, "selection.csv", 1)
-    assert table(whole, "monitor.csv", 2) == table(killed, "monitor.csv", 2)
-    times = [float(row[2]) for row in table(killed, "monitor.csv", None)[1:]]
+    for name, seconds in (("selection.csv", "seconds"), ("monitor.csv", "t")):
+        assert csv_rows(whole / name, seconds) == csv_rows(killed / name, seconds)
+    times = [float(row["t"]) for row in csv_rows(killed / "monitor.csv")]
     assert times == sorted(times)
     assert times[-1] > 1000.0
     assert not find_checkpoint(killed)
@@ -76,15 +66,14 @@ def test_points_of_the_log_stand_where_they_were_measured_also_after_a_kill(tmp_
     """The last one comes between the last checkpoint and the kill, at 1856 steps, and is measured again."""
     log = {"curve_every": 370, "telemetry": ["tensorboard", "csv"]}
     kill(tmp_path, "ppo", checkpoint_seconds=1e-9, **log)
-    measured = table(tmp_path, "selection.csv", 1)
+    measured = csv_rows(tmp_path / "selection.csv")
     resume(tmp_path)
-    rows = table(tmp_path, "selection.csv", 1)
-    assert [row[0] for row in measured[1:]] == ["384", "752", "1120", "1488", "1856"]
+    rows = csv_rows(tmp_path / "selection.csv")
+    assert [row["env_steps"] for row in measured] == ["384", "752", "1120", "1488", "1856"]
     log = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
-    points = [[str(p.step), f"{p.value:.4f}"] for p in log.Scalars("curve/return")]
-    assert points == [[row[0], row[-1]] for row in rows[1:]]
-    (later,) = csv.DictReader((tmp_path / "progress_2.csv").read_text().splitlines()[:2])
-    assert later["time/total_timesteps"] == "1856"
+    points = [(str(p.step), f"{p.value:.4f}") for p in log.Scalars("curve/return")]
+    assert points == [(row["env_steps"], row["return"]) for row in rows]
+    assert csv_rows(tmp_path / "progress_2.csv")[0]["time/total_timesteps"] == "1856"
 
 
 def test_a_training_that_was_killed_before_its_first_checkpoint_begins_again(tmp_path, capsys, refused):

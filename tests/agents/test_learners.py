@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import torch
 from sb3_contrib import TQC, CrossQ
+from short_trainings import small_config
 from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.utils import set_random_seed
 
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs_train.config import Config, checked
 from redundant_envs_train.learners.build import make_model
 from redundant_envs_train.learners.networks import goal_mixing
 from redundant_envs_train.learners.ppo import neighbouring_actions
@@ -25,11 +26,8 @@ SMALL = {
 
 def make(algo, env="RPRPReach-v0", **settings):
     """A learner on 16 environments."""
-    config = checked(
-        Config,
-        {"config_version": 2, "env": f"redundant_envs/{env}", "algo": algo, "num_envs": 16, "seed": 3,
-         algo: {**SMALL.get(algo, {}), **settings}},
-    )  # fmt: skip
+    own = {algo: {**SMALL.get(algo, {}), **settings}}
+    config = small_config(algo, env=f"redundant_envs/{env}", seed=3, total_steps=8_000_000, **own)
     env = make_sb3(config.env, config.num_envs)
     env.seed(0)
     return make_model(config, env)
@@ -41,8 +39,7 @@ def make(algo, env="RPRPReach-v0", **settings):
 def trained(algo, env, steps, settings, **own):
     """Weights and replay buffer after a training from fixed states of all generators."""
     model = make(algo, env, **settings, **own)
-    torch.manual_seed(0)
-    np.random.seed(0)
+    set_random_seed(0)
     model.action_space.seed(0)
     model.learn(steps)
     with model.averaged():
@@ -279,11 +276,9 @@ def test_the_learning_rate_follows_its_schedule(algo, schedule, half):
 def test_actions_drawn_together_give_the_steps_of_actions_drawn_one_step_after_the_other():
     ours, theirs = (make("sac", policy_delay=3, gradient_steps=8).learn(1600) for _ in range(2))
     before = theirs.networks["actor"].vector.clone()
-    torch.manual_seed(2)
-    np.random.seed(2)
+    set_random_seed(2)
     ours.train(7, 32)
-    torch.manual_seed(2)
-    np.random.seed(2)
+    set_random_seed(2)
     drawn = sample(theirs.replay_buffer, 7 * 32)
     numbers = drawn.actions, drawn.rewards, theirs.gamma * (1.0 - drawn.dones)
     rows = [part.split(32) for part in (drawn.observations, drawn.next_observations, *numbers)]

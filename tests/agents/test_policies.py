@@ -1,6 +1,7 @@
 """policy.zip: stable-baselines3 alone loads it, a stranger's runs no code, and trainings start from it."""
 
 import base64
+import functools
 import hashlib
 import io
 import json
@@ -40,18 +41,16 @@ KINDS = {
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Kind -> run folder of a hardly trained policy, its configuration, and the learner."""
-    found = {}
 
+    @functools.cache
     def run(kind):
-        if kind not in found:
-            config = small_config(kind.replace("goal", "ppo"), num_envs=16, **KINDS[kind])
-            model = make_model(config, make_sb3(config.env, 16)).learn(128)
-            folder = tmp_path_factory.mktemp(kind)
-            (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
-            write_scene(folder)
-            save_policy(model, folder / "policy.zip")
-            found[kind] = folder, config, model
-        return found[kind]
+        config = small_config(kind.replace("goal", "ppo"), **KINDS[kind])
+        model = make_model(config, make_sb3(config.env, 16)).learn(128)
+        folder = tmp_path_factory.mktemp(kind)
+        (folder / "config.yaml").write_text(yaml.safe_dump(config.to_dict()))
+        write_scene(folder)
+        save_policy(model, folder / "policy.zip")
+        return folder, config, model
 
     return run
 

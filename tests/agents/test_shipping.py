@@ -36,10 +36,8 @@ def run(tmp_path):
 def published():
     """Evaluations of all published runs, by environment, learner, scene and seed."""
     runs = read_runs([RESULTS / f"{table}.jsonl" for table in ("runs", "baselines", "weak")])
-    scenes = [(run.settings.get("env_kwargs") or {}).get("scene") for run in runs]
     return {
-        (run.env, run.settings["algo"], scene, run.evaluation["seed"]): run.evaluation
-        for run, scene in zip(runs, scenes, strict=True)
+        (r.env, r.settings["algo"], r.settings["env_kwargs"].get("scene"), r.seed): r.evaluation for r in runs
     }
 
 
