@@ -176,16 +176,13 @@ def test_the_csv_holds_what_a_direct_computation_gives(tmp_path):
         assert float(row["x"]) == tables[0][k, 0]
         for column, name in enumerate(MEASURES, start=2):
             values = [table_[k, column] for table_ in tables]
-            assert float(row[name]) == pytest.approx(np.mean(sorted(values)[1:-1]))
-            low, high = run_interval(values)
-            assert float(row[f"{name}_low"]) == pytest.approx(low)
-            assert float(row[f"{name}_high"]) == pytest.approx(high)
+            expected = [np.mean(sorted(values)[1:-1]), *run_interval(values)]
+            assert [float(row[f"{name}{end}"]) for end in ("", "_low", "_high")] == pytest.approx(expected)
         assert (float(row["expert_hold_success"]), float(row["expert_mean_return"])) == (1.0, 63.0)
     grid = np.linspace(14.0, 40.0, 4)  # the slowest run's first point, the fastest one's last
     for x, row in zip(grid, (row for row in steps if row["axis"] == "seconds"), strict=True):
         values = sorted(np.interp(x, table_[:, 1], table_[:, 2]) for table_ in tables)
-        assert float(row["x"]) == pytest.approx(x)
-        assert float(row["hold_success"]) == pytest.approx(np.mean(values[1:-1]))
+        assert [float(row["x"]), float(row["hold_success"])] == pytest.approx([x, np.mean(values[1:-1])])
 
 
 def test_what_cannot_be_drawn_is_refused(tmp_path):

@@ -49,11 +49,6 @@ def trained(algo, env, steps, settings, **own):
     return weights, getattr(model, "replay_buffer", None)
 
 
-def assert_equal_weights(ours, theirs, tolerance):
-    for name, tensor in theirs.items():
-        torch.testing.assert_close(ours[name], tensor, rtol=0.0, atol=tolerance, msg=name)
-
-
 @pytest.mark.parametrize("activation", ["tanh", "silu", "relu"])
 def test_ppo_without_average_and_smoothness_is_that_of_stable_baselines3(activation, monkeypatch):
     """Also where a time limit ends episodes, after 100 steps."""
@@ -65,7 +60,7 @@ def test_ppo_without_average_and_smoothness_is_that_of_stable_baselines3(activat
     }  # fmt: skip
     ours, _ = trained("ppo", "RPRPReach-v0", 16 * 160, settings, average=0.0, smoothness=0.0)
     theirs, _ = trained("plain_ppo", "RPRPReach-v0", 16 * 160, settings)
-    assert_equal_weights(ours, theirs, 1e-5)
+    torch.testing.assert_close(ours, theirs, rtol=0.0, atol=1e-5)
 
 
 @pytest.mark.quick("auto-silu")
@@ -87,7 +82,7 @@ def test_sac_without_average_delay_and_smoothness_is_that_of_sb3(ent_coef, activ
     none = {"average": 0.0, "smoothness": 0.0, "policy_delay": 1}
     ours, kept = trained("sac", "FourRReach-v0", 16 * 110, settings, **none)
     theirs, expected = trained("plain_sac", "FourRReach-v0", 16 * 110, settings)
-    assert_equal_weights(ours, theirs, 1e-3)
+    torch.testing.assert_close(ours, theirs, rtol=0.0, atol=1e-3)
     assert expected.timeouts[:110].any()
     for name in ("observations", "next_observations", "actions", "rewards", "dones", "timeouts"):
         count = 110 if name in ("dones", "timeouts") else 95  # later, rounding has grown in the motion
@@ -111,21 +106,12 @@ def test_samples_are_those_of_stable_baselines3_to_the_bit(algo, settings, full)
         np.random.seed(7)
         found.append([draw(), np.random.random()])  # and as many draws
     assert found[0][1] == found[1][1]
-    for name in ("observations", "actions", "next_observations", "dones", "rewards"):
-        ours, theirs = (getattr(drawn, name) for drawn, _ in found)
-        pairs = [(ours[k], theirs[k]) for k in theirs] if isinstance(theirs, dict) else [(ours, theirs)]
-        for mine, other in pairs:
-            assert mine.dtype == other.dtype
-            assert torch.equal(mine, other), name
+    names = ("observations", "actions", "next_observations", "dones", "rewards")
+    ours, theirs = ({name: getattr(drawn, name) for name in names} for drawn, _ in found)
+    torch.testing.assert_close(ours, theirs, rtol=0.0, atol=0.0)
 
 
 # ---- smooth actions, and averages -------------------------------------------------------------------
-
-
-def close(found, expected):
-    """Whether tensors agree, pair by pair, to single precision."""
-    for one, other in zip(found, expected, strict=True):
-        torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.long
@@ -159,8 +145,9 @@ def test_smoothness_adds_its_derivatives_to_the_actor_of_sac(algo, env):
         weights[reached] = 2.0
     (weights * (here - there.detach()).square().sum(1)).mean().backward()
     head = policy.actor.mu.weight.grad
-    expected = policy.actor.latent_pi[2].weight.grad, torch.cat([head, torch.zeros_like(head)])
-    close((one - none for one, none in zip(*found, strict=True)), expected)
+    expected = [policy.actor.latent_pi[2].weight.grad, torch.cat([head, torch.zeros_like(head)])]
+    added = [one - none for one, none in zip(*found, strict=True)]
+    torch.testing.assert_close(added, expected, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("env", ["RPRPReach-v0", "FourRGoalReach-v0"])
@@ -191,8 +178,9 @@ def test_smoothness_adds_its_derivatives_to_the_actor_of_ppo(env):
     apart = inside - neighbours
     squares = there * (apart.square() + 2.0 * (means - inside) * apart)  # beyond the bounds a straight line
     (0.3 * squares.sum((0, 2)).mean()).backward()
-    layers = policy.mlp_extractor.policy_net[2], policy.action_net
-    close((one - none for one, none in zip(*found, strict=True)), (layer.weight.grad for layer in layers))
+    expected = [layer.weight.grad for layer in (policy.mlp_extractor.policy_net[2], policy.action_net)]
+    added = [one - none for one, none in zip(*found, strict=True)]
+    torch.testing.assert_close(added, expected, rtol=1e-4, atol=1e-6)
 
 
 def test_actions_are_smooth_within_episodes_and_not_from_one_to_the_next():

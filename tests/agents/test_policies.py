@@ -189,8 +189,7 @@ def test_a_learner_its_average_and_its_targets_begin_at_the_policy(preset, polic
     first = {name: tensor.clone() for name, tensor in model.policy.state_dict().items()}
     start_from(model, config, env)
     there = load_policy(POLICIES / policy, read_config(POLICIES / policy))
-    for name, tensor in there.state_dict().items():
-        np.testing.assert_allclose(model.policy.state_dict()[name], tensor, rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(model.policy.state_dict(), there.state_dict(), rtol=1e-5, atol=1e-5)
     assert any((first[name] != tensor).any() for name, tensor in there.state_dict().items())
     save_policy(model, tmp_path / "policy.zip")  # its average
     env.seed(5)

@@ -139,9 +139,7 @@ def test_an_export_of_a_shipped_run_is_what_is_shipped(tmp_path):
     cards = [without_differences((place / "README.md").read_text()) for place in (folder, shipped)]
     assert cards[0] == cards[1]
     with np.load(folder / "policy.npz") as found, np.load(shipped / "policy.npz") as expected:
-        assert found.files == expected.files
-        for array in found.files:
-            np.testing.assert_array_equal(found[array], expected[array])
+        np.testing.assert_equal({**found}, {**expected})
     assert_same_policy(run, folder)
 
 
