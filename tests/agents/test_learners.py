@@ -228,12 +228,10 @@ REPLAY = {"buffer_size": 3200, "learning_starts": 77, "gradient_steps": 3}
 SETTINGS = {
     "plain_ppo": {"n_steps": 16, "n_epochs": 7, "ent_coef": 0.02, "gae_lambda": 0.8},
     "plain_sac": {**REPLAY, "ent_coef": 0.3, "tau": 0.01},
-    "td3": {
-        **REPLAY, "tau": 0.01, "policy_delay": 5, "target_policy_noise": 0.3, "target_noise_clip": 0.6,
-    },
+    "td3": {**REPLAY, "tau": 0.01, "policy_delay": 5, "target_policy_noise": 0.3, "target_noise_clip": 0.6},
     "tqc": {**REPLAY, "ent_coef": 0.3, "tau": 0.01, "top_quantiles_to_drop_per_net": 4},
     "crossq": {**REPLAY, "ent_coef": 0.3, "policy_delay": 5},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("algo", PLAIN)
