@@ -116,10 +116,8 @@ def write_scene(folder: Path) -> None:
 
 def kept(folder: Path) -> dict[Path, tuple[bytes, int]]:
     """Contents and times of all files in a folder, and the folder's own time."""
-    return {
-        path: (path.read_bytes() if path.is_file() else b"", path.stat().st_mtime_ns)
-        for path in sorted((folder, *folder.rglob("*")))
-    }
+    paths = sorted((folder, *folder.rglob("*")))
+    return {p: (p.read_bytes() if p.is_file() else b"", p.stat().st_mtime_ns) for p in paths}
 
 
 def readers(folder: Path, out: Path) -> dict[str, list[Any]]:

@@ -52,7 +52,7 @@ def cluster(disk):
         sys.path.insert(0, root)  # Ray would add it later
         from redundant_envs_train import report
 
-        report.clip, report.plots = (lambda *given, **more: []), (lambda *given: [])
+        report.clip, report.draw_curves = (lambda *given, **more: None), (lambda *given: None)
         tempfile.tempdir = str(disk)
 
     ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])

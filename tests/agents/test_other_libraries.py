@@ -23,7 +23,6 @@ from redundant_envs_train.training.train import train
 
 pytestmark = pytest.mark.long
 
-EXAMPLE = ROOT / "docs" / "examples" / "cleanrl_ppo.py"
 PAGE = ROOT / "docs" / "other_libraries.md"
 
 
@@ -40,7 +39,7 @@ def without(package):
 
 def test_the_ppo_example_trains_evaluates_and_saves(tmp_path):
     small = ["--total-steps", 4096, "--num-envs", 32, "--batch-size", 256, "--evaluation-episodes", 10]
-    done = python("-W", "error", EXAMPLE, *small, "--save", tmp_path / "agent.pt")
+    done = python("-W", "error", "docs/examples/cleanrl_ppo.py", *small, "--save", tmp_path / "agent.pt")
     assert done.returncode == 0, done.stderr
     *progress, trained, holds = done.stdout.splitlines()
     assert progress[-1].split()[:2] == ["4096", "steps"]
@@ -58,11 +57,10 @@ PRESETS = [name for name in presets() if "/" not in name and "weak" not in name]
 
 def of_preset(config):
     """The settings of a preset under the names of rl_zoo3."""
-    settings = config.settings.model_dump()
-    expected = {key: value for key, value in settings.items() if key not in OF_POLICY | OF_GOALS}
+    expected = config.settings.model_dump(exclude=OF_POLICY | OF_GOALS)
     if config.algo == "her":
-        expected["replay_buffer_class"] = "HerReplayBuffer"
-        expected["replay_buffer_kwargs"] = {key: settings[key] for key in sorted(OF_GOALS)}
+        goals = config.settings.model_dump(include=OF_GOALS)
+        expected |= {"replay_buffer_class": "HerReplayBuffer", "replay_buffer_kwargs": goals}
     return expected | {
         "policy": policy_name(config), "n_envs": config.num_envs, "n_timesteps": config.total_steps,
         "policy_kwargs": policy_kwargs(config),
