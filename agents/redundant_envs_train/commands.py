@@ -27,7 +27,6 @@ with needs("train"):
 
 # Nothing large is imported here: a wrong argument is refused at once, before torch is imported.
 
-
 Training = Annotated[str, Argument(help="YAML file, preset, or env=ID without one", autocompletion=presets)]
 OVERRIDES = "key=value, such as seed=3 ppo.gamma=0.98; tune does not search what has a value"
 Overrides = Annotated[list[str] | None, Argument(help=OVERRIDES)]

@@ -41,8 +41,6 @@ HARMLESS = (
     "policy.zip is read without its pickled objects, which could run any code; add --trust to load it as "
     "stable-baselines3 does, if you know who made it"
 )
-
-
 NUMBERS = ("learning_rate", "clip_range")
 """Schedules, which are functions of this package: saved as their initial values."""
 LEFT_OUT: dict[str, Any] = {

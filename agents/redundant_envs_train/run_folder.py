@@ -303,7 +303,6 @@ def tell_differences(folders: Sequence[Path]) -> None:
 
 # ---- checks of folders for results, before anything long begins
 
-
 check_out = functools.partial(check_folder, "out", fix="choose another --out")
 
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Statistic = Callable[..., Any]  # (samples, axis) -> the statistic over this axis
 NORMAL_95 = 1.959963984540054
-TAILS = (0.025, 0.975)  # quantiles at both ends of a 95 % interval
 MIN_RUNS = 5  # with two or three an interval would miss the true value in every second or fourth case
 MIN_PAIRS = 20  # least number of pairs whose bootstrap says anything
 CHANCE = 0.05  # largest probability by chance of what is called a difference
@@ -81,7 +80,7 @@ def bootstrap(samples: ArrayLike, resamples: int, seed: int, statistic: Statisti
 
 def middle_95(values: Array) -> tuple[Any, Any]:
     """The interval with 2.5 % of the values on either side, over the first axis."""
-    low, high = np.quantile(values, TAILS, axis=0)
+    low, high = np.quantile(values, (0.025, 0.975), axis=0)
     return low, high
 
 

@@ -25,7 +25,6 @@ with needs("train"):
     from stable_baselines3.common.vec_env import VecEnv
     from torch import Tensor
 
-
 EPSILON = 1e-5  # Adam's, as in stable-baselines3's PPO
 ROWS = 1024  # observations whose values are computed together
 

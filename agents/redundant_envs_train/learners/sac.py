@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.support.extras import needs
 
-from .networks import ERROR_SCALE, Adam, Averaging, Layers, Networks, Tape, goal_mixing, linear_layers
+from .networks import ERROR_SCALE, Adam, Averaging, Layers, Networks, Tape, dtanh, goal_mixing, linear_layers
 from .sampling import sample
 
 with needs("train"):
@@ -24,7 +24,7 @@ with needs("train"):
     from torch import Tensor
     from torch.nn.functional import softplus
 
-hardtanh_backward, tanh_backward = torch.ops.aten.hardtanh_backward, torch.ops.aten.tanh_backward
+hardtanh_backward = torch.ops.aten.hardtanh_backward
 LOG_STD = (-20.0, 2.0)  # bounds of the logarithm of the standard deviation, as in stable-baselines3
 FIRST_UPDATES = 10
 """An average is at first the mean of about the last nine tenths of all weights: the first ones are poor."""
@@ -173,10 +173,10 @@ class AveragedSAC(Averaging, SAC):
         first = torch.le(*values)
         dvalues = torch.stack([first, ~first]) * (-1.0 / count)
         daction = critics.to_inputs(tape, dvalues, slice(-width, None))
-        dbefore = tanh_backward(daction, action).add_(action, alpha=2.0 * alpha)
+        dbefore = dtanh(daction, action).add_(action, alpha=2.0 * alpha)
         after, here = torch.tanh(drawn.outputs[-2 * count :, :width]).split(count)
         apart = (here - after).mul_(smoothness)
-        dmean = torch.add(dbefore, tanh_backward(apart, here), alpha=2.0 / count)
+        dmean = torch.add(dbefore, dtanh(apart, here), alpha=2.0 / count)
         dlog_std = hardtanh_backward((dbefore * noise).sub_(alpha), raw, *LOG_STD)  # 0 where it is clamped
         rows = [(x[:, -count:], kept[:, -count:]) for x, kept in drawn.tape]
         self.networks["actor"].backward(rows, torch.cat([dmean, dlog_std], 1)[None])

@@ -21,8 +21,6 @@ STOPPING = (
     "since their last checkpoints is lost"
 )
 News = tuple[str, float, str, bool]  # name of a run, share done (1.0: it ended), note, whether it failed
-
-
 _requests: list[threading.Event] = []  # of the trainings here that can still be asked to stop
 
 
