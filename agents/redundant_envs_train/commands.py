@@ -27,15 +27,19 @@ with needs("train"):
 
 # Nothing large is imported here: a wrong argument is refused at once, before torch is imported.
 
+Text = str | None  # values that may be left out
+Words = list[str] | None
+Place = Path | None
+
 Training = Annotated[str, Argument(help="YAML file, preset, or env=ID without one", autocompletion=presets)]
 OVERRIDES = "key=value, such as seed=3 ppo.gamma=0.98; tune does not search what has a value"
-Overrides = Annotated[list[str] | None, Argument(help=OVERRIDES)]
+Overrides = Annotated[Words, Argument(help=OVERRIDES)]
 Folder = Annotated[Path, Argument(help="run folder")]
 PolicyFolder = Annotated[Path, Argument(help="run folder, or folder of an exported policy")]
 Runs = Annotated[
     list[Path], Argument(help="run folders; tables of runs, or runs of a table, such as runs.jsonl/*_sac/*")
 ]
-Out = Annotated[Path | None, Option(help="folder to write to")]
+Out = Annotated[Place, Option(help="folder to write to")]
 Force = Annotated[bool, Option("--force", help="replace files that exist")]
 Overwrite = Annotated[
     bool, Option("--force", "--overwrite", help="write into the run folder, or replace files in --out")
@@ -44,6 +48,16 @@ Trust = Annotated[
     bool,
     Option("--trust", help="unpickle policy.zip, as stable-baselines3 does: runs any code its author put in"),
 ]
+Seeds = Annotated[Text, Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")]
+Where = Annotated[str, Option(help="where several runs go: processes of this machine, or a ray cluster")]
+Address = Annotated[Text, Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: this machine)")]
+Harmless = Annotated[Words, Argument(help=f"{' or '.join(WITHOUT_EFFECT)}, such as telemetry=[csv]")]
+Table = Annotated[Place, Option(help="write a table of runs, .jsonl: all numbers and settings of each run")]
+Picture = Annotated[Path, Option(help="picture, .png or .svg; its numbers are saved beside it")]
+Source = Annotated[
+    str, Argument(help="expert, random, or folder of a run or an exported policy", metavar="SOURCE")
+]
+Env = Annotated[Text, Option(help="id such as RPRPReach-v0, for expert and random; a policy has its own")]
 
 
 class _Commands(typer.core.TyperGroup):
@@ -89,17 +103,11 @@ def run(arguments: list[str]) -> int:
 def train(
     config: Training,
     overrides: Overrides = None,
-    out: Annotated[Path | None, Option(help="run folder (default runs/<preset>_seed<seed>_<time>)")] = None,
-    seeds: Annotated[
-        str | None, Option(help="several runs, such as 0..9 or 1,4,7; --out is the folder of theirs")
-    ] = None,
+    out: Annotated[Place, Option(help="run folder (default runs/<preset>_seed<seed>_<time>)")] = None,
+    seeds: Seeds = None,
     processes: Annotated[int | None, Option(help="runs at a time, each on one core (default: all)")] = None,
-    on: Annotated[
-        str, Option(help="where several runs go: processes of this machine, or a ray cluster")
-    ] = "processes",
-    address: Annotated[
-        str | None, Option(help="of the Ray cluster, such as 10.0.0.1:6379 (default: this machine)")
-    ] = None,
+    on: Where = "processes",
+    address: Address = None,
 ) -> None:
     """Train, evaluate and report."""
     if on not in ("processes", "ray"):
@@ -170,16 +178,16 @@ def tune(
     overrides: Overrides = None,
     trials: Annotated[int, Option(help="trainings in all")] = 30,
     out: Annotated[
-        Path | None, Option(help="folder; a stopped study in it is continued (default runs/tune/<preset>)")
+        Place, Option(help="folder; a stopped study in it is continued (default runs/tune/<preset>)")
     ] = None,
     search: Annotated[
-        list[str] | None,
+        Words,
         Option(help="key=low..high or key=a|b|c, instead of the learner's default search; may be repeated"),
     ] = None,
     seed: Annotated[int, Option(help="of the sampler")] = 0,
     processes: Annotated[int, Option(help="trials at a time; their number changes the settings tried")] = 1,
     storage: Annotated[
-        str | None,
+        Text,
         Option(help="share the study with other machines: URL of a database, or file of Optuna's journal"),
     ] = None,
 ) -> None:
@@ -195,12 +203,7 @@ def tune(
 
 
 @app.command()
-def resume(
-    folder: Folder,
-    overrides: Annotated[
-        list[str] | None, Argument(help=f"{' or '.join(WITHOUT_EFFECT)}, such as telemetry=[csv]")
-    ] = None,
-) -> None:
+def resume(folder: Folder, overrides: Harmless = None) -> None:
     """Go on with a training that was stopped or killed, from its last checkpoint, to the same bits."""
     run_folder.tell_differences([folder])
     from .training.train import resume
@@ -242,13 +245,7 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
 
 
 @app.command()
-def table(
-    runs: Runs,
-    out: Annotated[
-        Path | None, Option(help="write a table of runs, .jsonl: all numbers and settings of each run")
-    ] = None,
-    force: Force = False,
-) -> None:
+def table(runs: Runs, out: Table = None, force: Force = False) -> None:
     """Print evaluated runs as a Markdown table, seeds of equal settings in one row.
 
     With --out all runs are collected in one file, which `table`, `curves` and `study strength` read as they
@@ -266,13 +263,7 @@ def table(
 
 
 @app.command()
-def curves(
-    runs: Runs,
-    out: Annotated[Path, Option(help="picture, .png or .svg; its numbers are saved beside it")] = Path(
-        "runs/curves.png"
-    ),
-    force: Force = False,
-) -> None:
+def curves(runs: Runs, out: Picture = Path("runs/curves.png"), force: Force = False) -> None:
     """Draw learning curves of runs: all seeds, their interquartile mean and its interval."""
     check_kept([out, out.with_suffix(".csv")], force, read_places(runs))
     numbers = curve_pictures.curves(runs, out)
@@ -283,8 +274,8 @@ def curves(
 @app.command()
 def play(
     target: Annotated[str, Argument(help="folder of a run or exported policy, or id such as RPRPReach-v0")],
-    actions: Annotated[str | None, Option(help="for an id: zero, random or expert (default expert)")] = None,
-    clip: Annotated[Path | None, Option(help="write a .gif or .mp4 instead of opening a window")] = None,
+    actions: Annotated[Text, Option(help="for an id: zero, random or expert (default expert)")] = None,
+    clip: Annotated[Place, Option(help="write a .gif or .mp4 instead of opening a window")] = None,
     episodes: int = 3,
     seed: int = 0,
     trust: Trust = False,
@@ -313,13 +304,9 @@ def export(
 
 @app.command()
 def dataset(
-    source: Annotated[
-        str, Argument(help="expert, random, or folder of a run or an exported policy", metavar="SOURCE")
-    ],
+    source: Source,
     out: Annotated[Path, Option(help="folder of the dataset, which must not exist")],
-    env: Annotated[
-        str | None, Option(help="id such as RPRPReach-v0, for expert and random; a policy has its own")
-    ] = None,
+    env: Env = None,
     episodes: int = 1000,
     seed: Annotated[int, Option(help="of the first episode; episode k has SEED + k")] = 0,
     trust: Trust = False,
