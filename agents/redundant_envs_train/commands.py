@@ -122,8 +122,7 @@ def train(
     if seeds is not None:
         if any(override.startswith("seed=") for override in overrides or ()):
             raise ValueError("seed is given beside --seeds; leave one of them out")
-        each = [(k, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)]
-        chosen = {f"seed{k}": to_train(config, words) for k, words in each}
+        chosen = {f"seed{k}": to_train(config, [*(overrides or ()), f"seed={k}"]) for k in seeds_of(seeds)}
         folder = out or Path("runs") / f"{name_of(config, next(iter(chosen.values())))}_{stamp}"
         if on == "ray":
             from .training.on_ray import train_on_ray

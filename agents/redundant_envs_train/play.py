@@ -85,10 +85,9 @@ def _episode(env: Any, act: Act, seed: int, after_step: Callable[[int], Any]) ->
     core, done, step, returned = env.unwrapped.core, False, 0, 0.0
     while not done:
         obs, reward, terminated, truncated, info = env.step(act(batched(obs), core, step)[0])
-        done = terminated or truncated
         returned += float(reward)
         step += 1
-        done = bool(after_step(step)) or done
+        done = bool(after_step(step)) or terminated or truncated
     parts = []
     if "is_success" in info:
         parts.append("held" if info["is_success"] else "touched" if info.get("touch_success") else "missed")

@@ -129,9 +129,8 @@ class AveragedSAC(Averaging, SAC):
         self.logger.record("train/ent_coef", self._alpha())
 
     def _alpha(self) -> float:
-        if self.log_ent_coef is not None:
-            return math.exp(float(self.log_ent_coef))
-        return float(self.ent_coef_tensor)
+        own = self.log_ent_coef
+        return float(self.ent_coef_tensor) if own is None else math.exp(float(own))
 
     def _smoothness(self, rewards: Tensor) -> Tensor:
         """Weight of the term for smooth actions at each step of a sample."""

@@ -41,9 +41,8 @@ def stop_request() -> Iterator[threading.Event]:
             raise KeyboardInterrupt
         request.set()
 
-    known = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, n)]
-    if threading.current_thread() is not threading.main_thread():
-        known = []
+    is_main = threading.current_thread() is threading.main_thread()
+    known = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGHUP") if is_main and hasattr(signal, n)]
     _requests.append(request)
     # a signal that is ignored, as by nohup or in a worker, stays ignored
     before = {n: signal.signal(n, note) for n in known if signal.getsignal(n) is not signal.SIG_IGN}
