@@ -25,7 +25,6 @@ ACTIONS: dict[str, Callable[[int], Act]] = {
     "random": random_act, "expert": lambda seed: expert_act(),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
-MAX_SEED = 2**63
 CLIP_EVERY = 2  # control steps from frame to frame
 LARGEST_CLIP = 1 << 29
 """Bytes of the frames of a clip, which all are in memory until it is written: half a minute by default."""
@@ -37,7 +36,7 @@ def play(
     """Show episodes, with seeds ``seed + i``, in a window and print how each one ended, or write them to a
     clip, a GIF or MP4. ``target`` is the folder of a policy, or an environment's id, with ``actions``."""
     check_between("episodes", episodes, 1, MAX_EPISODES)
-    check_between("seed", seed, 0, MAX_SEED)
+    check_between("seed", seed, 0, 2**63)
     if path is not None:
         check_clip(path)
     else:

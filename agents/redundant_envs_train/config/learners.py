@@ -11,9 +11,8 @@ with needs("train"):
     from pydantic import Field, PlainValidator, model_validator
     from pydantic_core import PydanticCustomError
 
-MAX_LAYERS = 8
 Width = Annotated[Whole, Field(ge=1, le=2048)]
-Net = Annotated[tuple[Width, ...], Field(min_length=1, max_length=MAX_LAYERS)]
+Net = Annotated[tuple[Width, ...], Field(min_length=1, max_length=8)]
 Activation = Literal["silu", "tanh", "relu"]
 Schedule = Literal["constant", "linear"]
 

@@ -35,7 +35,6 @@ with needs("train"):
 
 LOG_EPISODES = 4  # episodes of every environment between two lines of SAC's log
 LOG_ROLLOUTS = 10  # rollouts between two lines of PPO's log
-KEYWORDS = ("is_success",)  # columns of monitor.csv, if the task tells them
 
 
 def train(
@@ -79,7 +78,7 @@ def _run(
     given = config if new else run_folder.own_config(folder)
     base = make_sb3(config.env, config.num_envs, monitor=False, **given.env_kwargs)
     simulated = run_folder.with_scene(config, base.core.scene)  # from now on, whatever happens to its file
-    keywords = tuple(name for name in KEYWORDS if name in told_by(base.core))
+    keywords = ("is_success",) if "is_success" in told_by(base.core) else ()  # columns of monitor.csv
     monitor = VecMonitor(base, info_keywords=keywords)
     model = make_model(config, monitor)
     if config.start_from is not None and not resumed:
