@@ -17,15 +17,6 @@ from studies.strength import ARMS, EXPERT, HOLDABLE, LIGHTEST, learner_rows, wea
 pytestmark = pytest.mark.long
 
 PRESETS = {"4R": "four_r_reach_ppo", "RPRP": "rprp_reach_sac"}
-ROWS = [
-    strength.Row(arm, factor, who, hold, hold - 0.02, hold + 0.03, touch, seeds, 1000)
-    for arm in ARMS
-    for i, factor in enumerate(strength.FACTORS)
-    for who, touch, seeds, hold in (
-        (HOLDABLE, None, 0, 0.9 - 0.1 * i), (EXPERT, 0.95, 0, 0.8 - 0.1 * i), ("PPO", 0.9, 3, 0.9 - 0.1 * i)
-    )
-]  # fmt: skip
-"""Made-up rows of both arms."""
 
 
 @pytest.mark.parametrize("arm", ARMS)
@@ -94,7 +85,7 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monke
     rows = strength.read_rows(tmp_path / "strength.csv")
     assert {(row.arm, row.factor) for row in rows} == {(arm, 1.0) for arm in ARMS}
     asked = []
-    monkeypatch.setattr(strength, "expert_rows", lambda *given: asked.append(given) or ROWS)
+    monkeypatch.setattr(strength, "expert_rows", lambda *given: asked.append(given) or rows)
     call(*command, 2)
     refused([*command[:-1], "--runs", "nothing"], "nothing/config.yaml")
     assert not asked  # what is finished stays, and mistakes come first
@@ -113,7 +104,8 @@ def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     monkeypatch.setattr(strength, "train_many", train_many)
     monkeypatch.setattr(strength, "TRAINED", ("ppo",))
     monkeypatch.setattr(strength, "ARMS", {"4R": ARMS["4R"]})
-    monkeypatch.setattr(strength, "expert_rows", lambda *given: ROWS[:2])
+    own = [strength.Row("4R", 1.0, who, 0.9, 0.88, 0.93, 0.95, 0, 1000) for who in (HOLDABLE, EXPERT)]
+    monkeypatch.setattr(strength, "expert_rows", lambda *given: own)
     given = [run_folder(tmp_path / "strong", "4R", 7, 0.9)]
     strength.run_study((1.0, 0.5), [0, 1], 2, given, None, tmp_path / "study")
     assert [*trained] == ["4r_ppo_0.5_seed0", "4r_ppo_0.5_seed1"]
