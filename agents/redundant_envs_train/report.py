@@ -20,7 +20,7 @@ from redundant_envs.support.machine import machine_name
 from redundant_envs.support.tables import Markdown
 
 from . import command, run_folder
-from .config.run import label
+from .config.run import LABELS
 from .evidence.curves import draw_curves
 from .evidence.runs import group, read_run
 from .pages import page, results_table
@@ -141,11 +141,11 @@ def better(policy: Outcome, expert: Outcome) -> dict[str, bool | None]:
 
 def table_of(result: Mapping[str, Any]) -> Markdown:
     noun = "episodes" if result["hold_success"] is None else "goals"
-    return results_table(result, f"{result['episodes']} frozen {noun}", label(result["algo"]))
+    return results_table(result, f"{result['episodes']} frozen {noun}", LABELS[result["algo"]])
 
 
 def summary(result: Mapping[str, Any]) -> str:
-    who = f"{label(result['algo'])} on {result['env']}, seed {result['seed']}"
+    who = f"{LABELS[result['algo']]} on {result['env']}, seed {result['seed']}"
     if result["hold_success"] is None:
         returned = f"mean return {result['mean_return']:.1f} over {result['episodes']} episodes"
         return f"{who}: {returned}. {untold(result)}"

@@ -15,6 +15,8 @@ with needs("train"):
 
 Algorithm = Literal["ppo", "sac", "her", "plain_ppo", "plain_sac", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
+LABELS = {algo: algo.upper() for algo in ALGORITHMS}  # names in tables and figures
+LABELS |= {"plain_ppo": "stock PPO", "plain_sac": "stock SAC", "crossq": "CrossQ"}
 SEEDS_PER_RUN = 10_000  # environment seeds of a run, one each, from first_environment_seed on
 MAX_SEEDS = 9999  # largest seed of a run
 KEPT_FOR_GOALS = (1_000_000, 10_000_000)
@@ -33,11 +35,6 @@ def first_environment_seed(seed: int) -> int:
     """Environment seed of the first environment of a run; no two runs share one."""
     first, (low, high) = seed * SEEDS_PER_RUN, KEPT_FOR_GOALS
     return first if first < low else first + high - low
-
-
-def label(algo: str) -> str:
-    """Name of an algorithm in tables and figures."""
-    return {"plain_ppo": "stock PPO", "plain_sac": "stock SAC", "crossq": "CrossQ"}.get(algo, algo.upper())
 
 
 class Config(Model):
@@ -153,7 +150,7 @@ class Config(Model):
     @property
     def label(self) -> str:
         """What tables and figures call the learner."""
-        return label(self.algo)
+        return LABELS[self.algo]
 
     def to_dict(self, *without: str) -> dict[str, Any]:
         """Plain data, with the settings of the chosen algorithm only, and without some entries."""

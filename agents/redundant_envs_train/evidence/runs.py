@@ -111,7 +111,7 @@ def group(runs: Iterable[Run]) -> list[Group]:
     members = [tuple(by_seed[seed] for seed in sorted(by_seed)) for by_seed in found.values()]
     alike: dict[tuple[str, str, str], list[tuple[Run, ...]]] = {}
     for same in members:
-        alike.setdefault((_environment(same[0]), _scene(same[0]), same[0].learner), []).append(same)
+        alike.setdefault((same[0].env.split("/")[-1], _scene(same[0]), same[0].learner), []).append(same)
     return [
         Group(environment, scene, ", ".join([learner, *difference]), same)
         for (environment, scene, learner), rivals in sorted(alike.items())
@@ -128,13 +128,9 @@ def _same_results(a: Run, b: Run) -> bool:
     return agree and np.array_equal(a.curve[:, kept], b.curve[:, kept], equal_nan=True)
 
 
-def _environment(run: Run) -> str:
-    return run.env.split("/")[-1]
-
-
 def _scene(run: Run) -> str:
     """Name of a scene that is not the environment's own; a scene without a name gets a checksum."""
-    own = next(scene for arm, scene in SCENES.items() if _environment(run).startswith(arm))
+    own = next(scene for arm, scene in SCENES.items() if run.env.split("/")[-1].startswith(arm))
     scene = run.settings["env_kwargs"].get("scene", own)
     if isinstance(scene, str):
         return "" if scene == own else scene

@@ -120,22 +120,18 @@ class Networks:
         """Outputs (K, rows, outputs) for inputs (rows, inputs), and the data that :meth:`backward` needs."""
         x = inputs.expand(len(self.modules), *inputs.shape)
         tape: Tape = []
-        last = len(self.weights) - 1
-        for layer in range(last + 1):
-            z = self._linear(layer, x)
-            y, kept = (z, z) if layer == last else self._activation.forward(z)
+        for layer in range(len(self.weights) - 1):
+            y, kept = self._activation.forward(self._linear(layer, x))
             tape.append((x, kept))
             x = y
-        return x, tape
+        outputs = self._linear(-1, x)
+        return outputs, [*tape, (x, outputs)]
 
     def outputs(self, inputs: Tensor) -> Tensor:
         x = inputs.expand(len(self.modules), *inputs.shape)
-        last = len(self.weights) - 1
-        for layer in range(last + 1):
-            x = self._linear(layer, x)
-            if layer < last:
-                self._activation.in_place(x)
-        return x
+        for layer in range(len(self.weights) - 1):
+            x = self._activation.in_place(self._linear(layer, x))
+        return self._linear(-1, x)
 
     def _linear(self, layer: int, x: Tensor) -> Tensor:
         weight, bias = self.weights[layer], self.biases[layer]
