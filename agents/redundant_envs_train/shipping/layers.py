@@ -49,10 +49,10 @@ class Layers:
     def load(cls, path: Path) -> Self:
         """Read what :meth:`save` wrote; without the widths of the parts of an observation."""
         found = read_arrays(path, "policy")
-        count = sum(name.startswith("weights_") for name in found)
-        parts = [tuple(found[f"{kind}_{k}"] for k in range(count)) for kind in ("weights", "biases")]
+        layers = range(sum(name.startswith("weights_") for name in found))
+        weights, biases = (tuple(found[f"{kind}_{k}"] for k in layers) for kind in ("weights", "biases"))
         inputs = dict.fromkeys(found["inputs"].tolist(), 0)
-        return cls(inputs, *parts, str(found["activation"]), str(found["output"]))
+        return cls(inputs, weights, biases, str(found["activation"]), str(found["output"]))
 
     def save(self, path: Path) -> None:
         """Write arrays that ``np.load`` reads: weights_0, biases_0, ..., activation, output, inputs."""
