@@ -52,8 +52,7 @@ def processor() -> Processor:
 
 def facts() -> tuple[str, ...]:
     """Everything that machine code depends on beside the program."""
-    version = ".".join(map(str, llvm.llvm_version_info))
-    return llvmlite.__version__, version, *map(str, (EFFORT, *processor()))
+    return llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), *map(str, (EFFORT, *processor()))
 
 
 def machine() -> Any:

@@ -16,6 +16,13 @@ MIN_PRODUCT, LARGEST_PRODUCT = 2.0**-960, 2.0**1000
 """Between them the rounding error of a product, and sums with it, are doubles."""
 
 
+def intrinsic(module: ir.Module, name: str, numbers: ir.VectorType, count: int) -> ir.Function:
+    """LLVM's function of ``count`` vectors of doubles that gives another one."""
+    whole = f"llvm.{name}.v{numbers.count}f64"
+    kind = ir.FunctionType(numbers, [numbers] * count)
+    return module.globals.get(whole) or ir.Function(module, kind, whole)
+
+
 def rounded_once(module: ir.Module, lanes: int, checked: bool) -> ir.Function:
     """A function of this module: x * y + c of vectors, rounded once.
 
@@ -30,8 +37,7 @@ def rounded_once(module: ir.Module, lanes: int, checked: bool) -> ir.Function:
     if name in module.globals:
         return module.globals[name]
     numbers, whole = ir.VectorType(DOUBLE, lanes), ir.VectorType(INT64, lanes)
-    kind = ir.FunctionType(numbers, [numbers] * 3)
-    function = ir.Function(module, kind, name)
+    function = ir.Function(module, ir.FunctionType(numbers, [numbers] * 3), name)
     function.linkage = "internal"
     set.add(function.attributes, "noinline")
     x, y, c = function.args
@@ -42,16 +48,15 @@ def rounded_once(module: ir.Module, lanes: int, checked: bool) -> ir.Function:
 
     product = b.fmul(x, y)
     if checked:
-        sizes = [_size(b, a) for a in (x, y, product, c)]
+        size = intrinsic(module, "fabs", numbers, 1)
+        sizes = [b.call(size, [a]) for a in (x, y, product, c)]
         most = (LARGEST_FACTOR, LARGEST_FACTOR, LARGEST_PRODUCT, LARGEST_PRODUCT)
-        inside = [b.fcmp_ordered("<", size, same(limit)) for size, limit in zip(sizes, most, strict=True)]
+        inside = [b.fcmp_ordered("<", x, same(limit)) for x, limit in zip(sizes, most, strict=True)]
         zero = b.or_(*(b.fcmp_ordered("==", factor, same(0.0)) for factor in (x, y)))
         inside.append(b.or_(zero, b.fcmp_ordered(">", sizes[2], same(MIN_PRODUCT))))
         served = b.bitcast(functools.reduce(b.and_, inside), ir.IntType(lanes))
         with b.if_then(b.icmp_signed("!=", served, ir.Constant(served.type, -1)), likely=False):
-            library = f"llvm.fma.v{lanes}f64"
-            exact = module.globals.get(library) or ir.Function(module, kind, library)
-            b.ret(b.call(exact, [x, y, c]))
+            b.ret(b.call(intrinsic(module, "fma", numbers, 3), [x, y, c]))
     (x_high, x_low), (y_high, y_low) = (_halves(b, a, same(SPLITTER)) for a in (x, y))
     error = b.fsub(b.fmul(x_high, y_high), product)
     for first, second in ((x_high, y_low), (x_low, y_high), (x_low, y_low)):
@@ -70,12 +75,6 @@ def rounded_once(module: ir.Module, lanes: int, checked: bool) -> ir.Function:
     # A zero would lose its sign; sums of infinities are not defined.
     b.ret(b.select(b.fcmp_ordered("!=", result, same(0.0)), result, b.fadd(product, c)))
     return function
-
-
-def _size(b: ir.IRBuilder, a: Any) -> Any:
-    """The absolute values of a vector."""
-    name, kind = f"llvm.fabs.v{a.type.count}f64", ir.FunctionType(a.type, [a.type])
-    return b.call(b.module.globals.get(name) or ir.Function(b.module, kind, name), [a])
 
 
 def _halves(b: ir.IRBuilder, a: Any, splitter: ir.Constant) -> tuple[Any, Any]:

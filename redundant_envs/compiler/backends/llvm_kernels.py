@@ -96,8 +96,7 @@ class KernelEmitter:
 
     def _mask(self, i: Scalar) -> Any:
         b, v = self.builder, self.vectors
-        values = v.load(b, self.value(i.arguments[0]), i.extra)
-        bits = lanes.compared(b, "!=", values, v.same(v.numbers, 0.0))
+        bits = lanes.compared(b, "!=", v.load(b, self.value(i.arguments[0]), i.extra), v.same(v.numbers, 0.0))
         return b.zext(b.bitcast(bits, ir.IntType(v.lanes)), INT64)
 
     def _while(self, i: Scalar) -> None:

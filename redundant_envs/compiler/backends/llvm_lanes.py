@@ -8,7 +8,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from redundant_envs.compiler.backends.llvm_fma import rounded_once
+from redundant_envs.compiler.backends.llvm_fma import intrinsic, rounded_once
 from redundant_envs.compiler.backends.processors import Processor
 from redundant_envs.compiler.tracing.flow import LaneFunction, Output
 from redundant_envs.compiler.tracing.graph import Operation, Value, bits_of, reached
@@ -29,7 +29,7 @@ WHOLE = 2.0**52
 """The last bits of a float from here to 2^53 are a whole number."""
 WHOLE_BITS = (EXPONENT_BIAS + MANTISSA_BITS) << MANTISSA_BITS
 """Its representation."""
-INTRINSICS = {"sqrt": "llvm.sqrt", "floor": "llvm.floor", "abs": "llvm.fabs", "fma": "llvm.fma"}
+INTRINSICS = {"sqrt": "sqrt", "floor": "floor", "abs": "fabs", "fma": "fma"}
 
 
 def integer(k: int) -> ir.Constant:
@@ -160,9 +160,8 @@ class Emitter:
         if node.name == "fma" and not v.target.joins:
             return b.call(rounded_once(b.module, v.lanes, checked=not v.target.is_wasm), arguments)
         if node.name in INTRINSICS:
-            name = f"{INTRINSICS[node.name]}.v{v.lanes}f64"
-            kind = ir.FunctionType(v.numbers, [v.numbers] * len(arguments))
-            return b.call(b.module.globals.get(name) or ir.Function(b.module, kind, name), arguments)
+            made = intrinsic(b.module, INTRINSICS[node.name], v.numbers, len(arguments))
+            return b.call(made, arguments)
         if node.name in ARITHMETIC:
             return getattr(b, ARITHMETIC[node.name])(*arguments)
         if node.name == "not":
@@ -256,8 +255,7 @@ class EmittedStages:
         places: dict[Any, list[tuple[str, int]]] = {}
         for space, k, value in part.stores:
             places.setdefault(value, []).append((space, k))
-        results = [*part.returned, *(v for _, _, v in part.stores)]
-        for node in [*self.vectors.in_order(results), *places]:
+        for node in [*self.vectors.in_order([*part.returned, *(v for _, _, v in part.stores)]), *places]:
             emitted = emitter.value(node)
             for space, k in places.pop(node, ()):  # at once, so that it needs no register
                 self.vectors.store(builder, emitted, values[space], k)
@@ -284,9 +282,8 @@ class EmittedStages:
         return self._call(emitter, stages.calls.index(node))
 
     def _memory(self, builder: ir.IRBuilder, vectors: int) -> Any:
-        width = self.vectors.width
-        memory = builder.alloca(DOUBLE, ir.Constant(INT32, width * max(1, vectors)))
-        memory.align = 8 * width  # a vector that straddles cache lines is read twice
+        memory = builder.alloca(DOUBLE, ir.Constant(INT32, self.vectors.width * max(1, vectors)))
+        memory.align = 8 * self.vectors.width  # a vector that straddles cache lines is read twice
         return memory
 
     def _told(self, builder: ir.IRBuilder, call: int) -> Any:
@@ -402,7 +399,6 @@ def _emit_lines(builder: ir.IRBuilder, base: Any, columns: list[Any], lanes: int
         four += [four[-1]] * (4 - len(four))
         pairs = [shuffled(four[k], four[k + 1], list(range(2 * lanes))) for k in (0, 2)]
         whole = shuffled(pairs[0], pairs[1], list(range(4 * lanes)))
-        count = min(4, width - first)
         for i in range(lanes):
-            piece = shuffled(whole, whole, [i + lanes * k for k in range(count)])
+            piece = shuffled(whole, whole, [i + lanes * k for k in range(min(4, width - first))])
             builder.store(piece, address(builder, base, i * width + first, piece.type), align=4)

@@ -39,9 +39,8 @@ def log(x: Any) -> Any:
 def philox(counter: float, interval: Any, *key: Any) -> tuple[Any, ...]:
     """Random words, see :func:`algebra.philox`."""
     k0, k1, k2, k3 = (np.asarray(x).astype(np.uint64) for x in key)
-    step = np.asarray(interval).astype(np.uint64) & LOW
     with np.errstate(over="ignore"):
-        words = words_of([k0, k1], [int(counter), step, k2, k3])
+        words = words_of([k0, k1], [int(counter), np.asarray(interval).astype(np.uint64) & LOW, k2, k3])
     return tuple(w.astype(np.float64)[()] for w in words)
 
 

@@ -120,9 +120,8 @@ class Kernel:
         self.body: list[Scalar] = []
         self._open = [self.body]
         self._count = 0
-        self._given = {
-            n: self.record("argument", kind=t, extra=k) for k, (n, t) in enumerate(arguments.items())
-        }
+        places = enumerate(arguments.items())
+        self._given = {n: self.record("argument", kind=t, extra=k) for k, (n, t) in places}
 
     def __getitem__(self, name: str) -> Scalar:
         """An argument: a whole number, or the address of an array."""

@@ -31,8 +31,7 @@ def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str
     for subroutine in dict.fromkeys(n.extra for n in nodes if n.name == "stage"):
 
         def given(space: str, k: int, names: Sequence[str] = subroutine.names) -> str:
-            named = names and space == "given" and name_of is not plain_name
-            return names[k] if named else name_of(space, k)
+            return names[k] if names and space == "given" and name_of is not plain_name else name_of(space, k)
 
         yield f"subroutine of {f.name}:"
         yield from result_lines(subroutine.traced()[0], given)
@@ -70,10 +69,8 @@ def _operations(numbers: dict[Operation, int], name_of: Namer) -> Iterator[str]:
             owner = f" for {n.origin.owner}" if n.origin.owner else ""
             yield f"  # {n.origin.function}{owner}, {n.origin.file}:{n.origin.line}"
         extra = f" {n.extra}" if isinstance(n.extra, int) else ""
-        shown = (
-            name_of(*n.extra) if n.name == "load" else f"{n.name}{extra} {_arguments(n.arguments, numbers)}"
-        )
-        yield f"  %{k} = {shown}"
+        computed = f"{n.name}{extra} {_arguments(n.arguments, numbers)}"
+        yield f"  %{k} = {name_of(*n.extra) if n.name == 'load' else computed}"
 
 
 def _arguments(xs: Iterable[Value], numbers: dict[Operation, int]) -> str:

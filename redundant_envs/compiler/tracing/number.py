@@ -181,10 +181,9 @@ def negation(x: Condition) -> Condition:
 def where(condition: Condition, a: Any, b: Any) -> Any:
     if not isinstance(condition, Condition):
         raise TypeError("where chooses by a condition, not by a number; compare it first, such as x > 0.0")
-    graph = condition.graph
     if isinstance(a, Condition | bool) and isinstance(b, Condition | bool):
         return (condition & a) | (negation(condition) & b)
-    return Number(graph, graph.choose(condition.value, value_of(a), value_of(b)))
+    return Number(condition.graph, condition.graph.choose(condition.value, value_of(a), value_of(b)))
 
 
 def sincos(x: Number) -> tuple[Any, Any]:
@@ -218,9 +217,7 @@ ROUND = 6755399441055744.0
 
 def exp(x: Number) -> Any:
     """Exponential function to one unit in the last place, without a branch."""
-    if x.graph.whole:
-        return _unary("exp")(x)
-    return exponential(x, fma, _power_of_two)
+    return _unary("exp")(x) if x.graph.whole else exponential(x, fma, _power_of_two)
 
 
 def _power_of_two(n: Number) -> Any:
@@ -240,9 +237,7 @@ def exponential(x: Any, fma: Method, power_of_two: Method) -> Any:
 
 def expm1(x: Number) -> Any:
     """exp(x) - 1 to two units in the last place, without a branch."""
-    if x.graph.whole:
-        return _unary("expm1")(x)
-    return exponential_less_one(x, fma, _power_of_two)
+    return _unary("expm1")(x) if x.graph.whole else exponential_less_one(x, fma, _power_of_two)
 
 
 def exponential_less_one(x: Any, fma: Method, power_of_two: Method) -> Any:

@@ -205,8 +205,7 @@ def _folded(tree: Tree, values: Iterator[Any], choice: Callable[[Any, Any, Any],
     """One value from those of all leaves, by a choice at each fork."""
     if isinstance(tree, Way):
         return next(values)
-    yes = _folded(tree.yes, values, choice)
-    return choice(tree.condition, yes, _folded(tree.no, values, choice))
+    return choice(tree.condition, _folded(tree.yes, values, choice), _folded(tree.no, values, choice))
 
 
 def either(condition: Any, a: Any, b: Any) -> Any:

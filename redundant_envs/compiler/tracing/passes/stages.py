@@ -173,10 +173,8 @@ def _kept_in_memory(node: Operation) -> bool:
     return node.name not in (*CONDITIONS, "load", "neg")
 
 
-def _replaced(
-    nodes: Sequence[Value], replacement: Callable[[Operation, Graph], Operation | None]
-) -> list[Value]:
-    """Rebuild operations, with some of their operands replaced by those that ``replacement`` returns."""
+def _replaced(nodes: Sequence[Value], instead: Callable[[Operation, Graph], Operation | None]) -> list[Value]:
+    """Rebuild operations, with those that ``instead`` returns in place of some of their operands."""
     made: dict[Operation, Operation] = {}
     graph = Graph()
 
@@ -189,7 +187,7 @@ def _replaced(
         if complete:
             made[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.origin)
         elif n not in made:
-            other = replacement(n, graph) or (n if n.name == "load" else None)
+            other = instead(n, graph) or (n if n.name == "load" else None)
             if other is not None:
                 made[n] = other
             else:
