@@ -211,4 +211,4 @@ class Blocks:
         """Drop stores within an interval to rows that no function and no loop reads."""
         read = self.read.union(*self.reads.values())
         for f in self.functions.values():
-            f.stores[:] = [s for s in f.stores if s[0] != SCRATCH or (s[0], s[1]) in read]
+            f.stores[:] = [s for s in f.stores if s[0] != SCRATCH or s[:2] in read]

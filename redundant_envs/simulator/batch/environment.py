@@ -78,8 +78,7 @@ class EnvironmentKernel:
         checked, count = operation == KernelCall.CHECKED_STEP, p["count"] * len(episode.actions)
         with p.when(checked), p.each(count) as k:
             action = p.load(p["actions"], k)
-            bad = (action != action) | (action == math.inf) | (action == -math.inf)
-            with p.when(bad):
+            with p.when((action != action) | (action == math.inf) | (action == -math.inf)):
                 p.store(p["values"], 0, math.nan)
                 p.leave()
         steps = (operation == KernelCall.STEP) | checked
@@ -102,10 +101,9 @@ class EnvironmentKernel:
         return self.episode.observe(lane)
 
     def outputs(self, block: Block) -> dict[str, Any]:
-        p = self.p
-        obs = p["obs"] + block.first * len(self.episode.observed)
-        tables: dict[str, Any] = {table: p[table] + block.first for table in TABLES}
-        return {"obs": obs, **tables, **{f"{table}_stride": p["stride"] for table in TABLES}}
+        obs = self.p["obs"] + block.first * len(self.episode.observed)
+        tables: dict[str, Any] = {table: self.p[table] + block.first for table in TABLES}
+        return {"obs": obs, **tables, **{f"{table}_stride": self.p["stride"] for table in TABLES}}
 
     def _flag(self, lane: Scalar) -> Scalar:
         return lane * EPISODE_KEY + KEY_WORDS

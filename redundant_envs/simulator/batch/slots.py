@@ -145,8 +145,7 @@ class Slots:
         self.stepped = make("trial_step", step.trial_step)
         self.recorded = make("record_step", step.record_step)
         of_entry = [self.goes_on[stretch] for stretch in (None, FIRST) if stretch in self.goes_on]
-        after = [f for f in self.goes_on.values() if f not in of_entry]
-        of_slots = [*after, self.stepped, self.recorded]
+        of_slots = [*(f for f in self.goes_on.values() if f not in of_entry), self.stepped, self.recorded]
         if i.resolves:
             self.contact = make("find_contact_forces", boundaries.find_contact_forces)
             of_slots.append(self.contact)
@@ -155,17 +154,14 @@ class Slots:
     def name_fields(self, *functions: Sequence[LaneFunction]) -> None:
         """Fields that a lane brings from its block, takes from the entry to a slot, and brings back, which
         follow from what functions of blocks, of the entry and of slots read and write."""
-        _, read_in_entry, read_in_slots = (
-            set().union(*(self.blocks.reads[f.name] for f in some)) for some in functions
-        )
-        in_blocks, in_entry, in_slots = (
-            {(space, row) for f in some for space, row, _ in f.stores} for some in functions
-        )
+        reads = self.blocks.reads
+        _, read_in_entry, read_in_slots = (set().union(*(reads[f.name] for f in some)) for some in functions)
+        in_blocks, in_entry, in_slots = ({s[:2] for f in some for s in f.stores} for some in functions)
         read_in_slots |= {self.layout.row_of(name) for name in self.features.log.read}  # by no function
-        at_end = self.blocks.reads[self.ended.name] | {self.layout.row_of("fault")}
+        at_end = reads[self.ended.name] | {self.layout.row_of("fault")}
         if self.interval.pieces.attempts > 1:
             again = (*self.begun, self.doubted, self.settled)
-            at_end = at_end.union(*(self.blocks.reads[f.name] for f in again))
+            at_end = at_end.union(*(reads[f.name] for f in again))
         self.brought = self._fields(read_in_entry | read_in_slots, in_blocks)
         taken = self._fields(read_in_slots | {self.layout.row_of("complete")}, in_blocks | in_entry)
         self.taken = [*taken, *(n for n in self._fields(in_entry, at_end) if n not in taken)]
@@ -186,20 +182,18 @@ class Slots:
             with blocks.going_on(block):
                 blocks.call(self.started, block)
                 self.common_step(block)
-                leaving = blocks.mask(block.pointers, "reason") & blocks.valid(block)
-                with p.each_set(leaving) as lane:
+                with p.each_set(blocks.mask(block.pointers, "reason") & blocks.valid(block)) as lane:
                     p.store(self.waiting, self.tail.value, block.first + lane)
                     self.tail.value = self.tail.value + 1
 
     def run(self, first: Scalar, busy: Callable[[], Scalar]) -> None:
         """Take trial steps in the slots as long as lanes wait for one, or some are still ``busy``."""
-        p = self.p
-        with p.loop_while(lambda: (self.head.value < self.tail.value) | busy()):
+        with self.p.loop_while(lambda: (self.head.value < self.tail.value) | busy()):
             self.blocks.stop_if_asked()
-            with p.each_set(self.free.value) as slot:
+            with self.p.each_set(self.free.value) as slot:
                 self.fill(slot)
             self.trial()
-            with p.each_set(self.blocks.mask(self.slots.pointers, "complete")) as slot:
+            with self.p.each_set(self.blocks.mask(self.slots.pointers, "complete")) as slot:
                 self.leave(slot, first)
 
     def common_step(self, block: Block) -> None:
@@ -322,18 +316,15 @@ class Slots:
 
     def take(self, seats: LaneBuffer, seat: Scalar) -> None:
         """Move a waiting lane to a free seat."""
-        p = self.p
-        lane = p.load(self.waiting, self.head.value)
+        lane = self.p.load(self.waiting, self.head.value)
         self.head.value = self.head.value + 1
         self.busy.value = self.busy.value + 1
-        p.store(seats.homes, seat, lane)
+        self.p.store(seats.homes, seat, lane)
         home, k = self.block(self.blocks.block_of(lane)), self.blocks.in_block(lane)
         self._bring(self.brought, seats, seat, home.pointers, k)
         self.blocks.store(seats.pointers, seat, "entered", 1.0)
 
-    def _bring(
-        self, names: Sequence[str], seats: LaneBuffer, seat: Scalar, source: Any, lane: Scalar
-    ) -> None:
+    def _bring(self, names: Sequence[str], seats: LaneBuffer, seat: Any, source: Any, lane: Any) -> None:
         """Copy fields of a lane to a seat, and its parameters unless all lanes share them."""
         numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER and not f.at_reset]
         self._copy(names, seats.pointers, seat, source, lane)
@@ -342,11 +333,10 @@ class Slots:
 
     def leave(self, slot: Scalar, first: Scalar) -> None:
         """Return a lane that has crossed its interval to its block; ``first`` begins the present group."""
-        p = self.p
-        lane, slots = p.load(self.slots.homes, slot), self.slots.pointers
+        lane, slots = self.p.load(self.slots.homes, slot), self.slots.pointers
         self.busy.value = self.busy.value - 1
-        self.before.value = self.before.value - p.select(self.blocks.block_of(lane) < first, 1, 0)
-        self.free.value = self.free.value | p.record("<<", 1, slot)
+        self.before.value = self.before.value - self.p.select(self.blocks.block_of(lane) < first, 1, 0)
+        self.free.value = self.free.value | self.p.record("<<", 1, slot)
         home, k = self.block(self.blocks.block_of(lane)), self.blocks.in_block(lane)
         self._copy(self.returned, home.pointers, k, slots, slot)
         self.blocks.store(slots, slot, "complete", 0.0)

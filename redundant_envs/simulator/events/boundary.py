@@ -66,9 +66,8 @@ class BoundedCoordinate(NamedTuple):
 
 def guarded(watched: Watched, sticks: bool = False) -> BoundedCoordinate:
     """A guard in a step: like a coordinate that always rests, so that only its pull counts."""
-    still = 0.0, 0.0, 0.0, 0.0
     return BoundedCoordinate(
-        *still, watched, 1.0, -math.inf, math.inf, bounces=False, guards=True, sticks=sticks
+        0.0, 0.0, 0.0, 0.0, watched, 1.0, -math.inf, math.inf, bounces=False, guards=True, sticks=sticks
     )
 
 

@@ -120,8 +120,7 @@ def impulses_of_impacts(contacts: Sequence[Contact], w: Matrix) -> tuple[list[An
     p = impulses(speeds, supporting, w, [c.restitution for c in contacts])
     if len(contacts) != 2 or contacts[0].owner != contacts[1].owner:
         return p, False  # with more coordinates the limit of impacts applies
-    touching = all_of((c.side != 0.0) & c.free for c in contacts)
-    by_turns = touching & logical_not(supported[0] & supported[1])
+    by_turns = all_of((c.side != 0.0) & c.free for c in contacts) & logical_not(supported[0] & supported[1])
     return p, by_turns & collapses(speeds, sides, w, contacts[0].restitution)
 
 

@@ -47,9 +47,7 @@ def may_meet(s: BoundedCoordinate, h: Any, overshoot: Overshoot) -> Any:
 @branches
 def most_pull(s: BoundedCoordinate, overshoot: Overshoot) -> Any:
     """Largest force with which the stop of a resting coordinate may have to pull in a step, or 0."""
-    if s.free:
-        return 0.0
-    return maximum(s.watched.most + margins(s.watched, overshoot)[1], 0.0)
+    return 0.0 if s.free else maximum(s.watched.most + margins(s.watched, overshoot)[1], 0.0)
 
 
 @branches

@@ -17,8 +17,6 @@ LAST_SHARE = 1e-5
 start holds in it; the error of velocities is 5e-11 of what this neglects in a whole step."""
 STRAIGHT_SHARE = 2e-8
 """The same where the order of events decides: even without acceleration the error is rounding."""
-
-
 LATE_SHARE = 1e-7
 """Fraction of the step by which a release may be late: the pull of the stop until then is rounding."""
 

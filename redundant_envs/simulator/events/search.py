@@ -304,8 +304,7 @@ def last_piece(trial: Trial, sought: Sought) -> LastPiece:
     for k, s in enumerate(e.motion for e in trial.encounters):
         if not s.bounces:
             continue
-        way = direction(s.velocity) * (s.limit(s.velocity) - s.position)
-        own = maximum(way, 0.0) / abs(s.velocity)
+        own = maximum(direction(s.velocity) * (s.limit(s.velocity) - s.position), 0.0) / abs(s.velocity)
         sooner = possible & s.free & (abs(s.velocity) > 0.0) & (own < time) & logical_not(sought.chosen[k])
         time = where(sooner, own, time)
         arrives = [x | sooner if j == k else x & logical_not(sooner) for j, x in enumerate(arrives)]

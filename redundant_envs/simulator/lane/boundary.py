@@ -263,8 +263,7 @@ class Guard(Boundary):
         return Encounter(number, self.in_step(lane), now, before, *still, self.late_share(lane), steepness)
 
     def first_event(self, e: Encounter, h: Any) -> Event:
-        method = self.dynamics.method
-        return first_passage(e, h, method.c[method.middle])
+        return first_passage(e, h, self.dynamics.method.c[self.dynamics.method.middle])
 
     def late_share(self, lane: Lane) -> Any:
         """Fraction of the planned step by which a change of law may be found late: until then the motion

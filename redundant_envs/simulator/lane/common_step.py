@@ -79,9 +79,8 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
 
 def step_error(features: Features, lane: Lane, step: Step) -> Any:
     """The error of a step: in metres at the tip, or for dop853 in units of its tolerance."""
-    dynamics = features.dynamics
     if features.control is Control.ADAPTIVE:
-        names = tuple(name for name in dynamics.states if name != "work")
+        names = tuple(name for name in features.dynamics.states if name != "work")
         strikes, states = bool(features.stops), zip(lane.get(names), step.state, strict=False)
         scales = [error_control.rounding_scale(a, b, strikes) for a, b in states]
 
@@ -93,7 +92,7 @@ def step_error(features: Features, lane: Lane, step: Step) -> Any:
     weights = tip_weights(features, lane)
 
     def tip_size(errors: Sequence[Any], h: Any) -> Any:
-        n = dynamics.count
+        n = features.dynamics.count
         parts = zip(weights, errors[:n], errors[n : 2 * n], strict=True)
         return h * total(w * (abs(q) + lane.interval * abs(v)) for w, q, v in parts)
 
@@ -122,8 +121,7 @@ def gained_speed(features: Features, lane: Lane, before: Sequence[Any], after: S
 
 def size_of_state(before: Any, after: Any, interval: Any, h: Any) -> Any:
     """Size of an effect's state to which an error in a step of ``h`` is related."""
-    pace = abs(after - before) * (interval / h)
-    return maximum(maximum(abs(before), pace), SMALLEST_STATE)
+    return maximum(maximum(abs(before), abs(after - before) * (interval / h)), SMALLEST_STATE)
 
 
 def departure(features: Features, lane: Lane) -> Any:
@@ -133,8 +131,7 @@ def departure(features: Features, lane: Lane) -> Any:
     states, numbers = lane.get(dynamics.states), features.known_numbers(lane)
     others = dict(numbers)
     for k, b in enumerate(features.guards, start=len(features.bounded)):
-        passed = (lane[b.pull] > 0.0) | (lane.target == float(k))
-        others |= b.other_law(lane, passed)
+        others |= b.other_law(lane, (lane[b.pull] > 0.0) | (lane.target == float(k)))
     laws = (features.quantities_in_step(states, known) for known in (numbers, others))
     apart = [abs(one - other) for one, other in zip(*map(dynamics.accelerations, laws), strict=True)]
     speed = total(w * a for w, a in zip(tip_weights(features, lane), apart, strict=False))
@@ -200,8 +197,7 @@ class CommonStep:
         turning = [abs(lane[v]) for v, slides in zip(arm.rates, arm.prismatic, strict=True) if not slides]
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.parameters.prepared else []
         here = quantities_of_arm(self.dynamics, lane)
-        numbers = numbers_of(self.dynamics, lane)
-        rates += rates_of_motion(self.dynamics.scene, lane, here, numbers, crossed)
+        rates += rates_of_motion(self.dynamics.scene, lane, here, numbers_of(self.dynamics, lane), crossed)
         fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
         return crossed * maximum(2.0 * fastest, self.pieces.least_rate(lane, most))
 
@@ -232,16 +228,15 @@ class CommonStep:
 
     def _set_step(self, lane: Lane, h: Any, moving: Any) -> None:
         """The fields of a step; the state of lanes that are not ``moving`` stays."""
-        dynamics = self.dynamics
         step = lane_step(self.features, lane, h)
-        if dynamics.method.error5:
+        if self.dynamics.method.error5:
             error = step_error(self.features, lane, step)
             # The error of an adaptive step decides on that step, all others are summed up.
             lane.error = error if self.features.control is Control.ADAPTIVE else lane.error + error
         if self.features.doubts:
             self._doubt(lane, step, h, moving)
-        now = dict(zip(dynamics.states, step.state, strict=True))
-        self.features.stiction.keep(lane, lane.values(dynamics.states), now)
+        now = dict(zip(self.dynamics.states, step.state, strict=True))
+        self.features.stiction.keep(lane, lane.values(self.dynamics.states), now)
         lane.set_where(True if moving is None else moving, now)
         for b, watched in zip(self.features.boundaries, step.watched, strict=False):
             lane.set(b.watches, watched[: len(b.watches)])
@@ -255,8 +250,7 @@ class CommonStep:
         crossed = [seen for seen, _ in met] + hidden
         doubts = []
         if self.dynamics.effect_states.integrated:
-            limit = error_control.DOUBTFUL * lane.tip_tolerance
-            doubts.append(others_error(features, lane, step, h) > limit)
+            doubts.append(others_error(features, lane, step, h) > error_control.DOUBTFUL * lane.tip_tolerance)
         if features.watched_sliders:
             far = total(h * maximum(w.most, -w.least) for w in watched[len(levels) :])
             doubts += [far > error_control.FAR * distance for distance in self._distances(lane, "{}")]

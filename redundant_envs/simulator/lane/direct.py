@@ -35,9 +35,8 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
 
 def fields_of(dynamics: Dynamics, parameters: Fields | None = None) -> dict[str, Any]:
     """Parameters of a scene, some replaced, as fields of a lane, and the fields that follow from them."""
-    scene = dynamics.scene
     values = {**dynamics.parameters.values, **(parameters or {})}
-    steps = {"h": scene.control_dt / scene.substeps, "interval": scene.control_dt}
+    steps = {"h": dynamics.scene.control_dt / dynamics.scene.substeps, "interval": dynamics.scene.control_dt}
     return {**values, **dynamics.parameters.prepare(values), **steps}
 
 
@@ -198,11 +197,10 @@ def steps_taken(interval: Interval, fields: Fields) -> list[NDArray[np.float64]]
     A piece has (1 + laws, steps, lanes) numbers: shares of the piece, 0 where a lane takes no step any more,
     and the side of each law of :attr:`Features.sides`. A lane that gives the interval up takes none.
     """
-    sides = interval.features.sides
     lanes = next(x.size for x in fields.values() if isinstance(x, np.ndarray))
-    pieces = [Steps(lanes, sides) for _ in range(interval.pieces.count)]
+    pieces = [Steps(lanes, interval.features.sides) for _ in range(interval.pieces.count)]
     with np.errstate(all="ignore"):  # infinite limits meet zeros, as in compiled code
-        end = _cross_together(interval, {**dict.fromkeys(sides, 0.0), **fields}, pieces)
+        end = _cross_together(interval, {**dict.fromkeys(interval.features.sides, 0.0), **fields}, pieces)
     return [piece.shares(np.broadcast_to(end["fault"] < float(GIVEN_UP), lanes)) for piece in pieces]
 
 
@@ -218,8 +216,7 @@ class Steps:
         """The steps as :func:`steps_taken` has them; those of lanes that have not crossed it are left out."""
         most = max(int(self._counts.max(initial=0)), 1)  # a step without a length has the shape of all lanes
         found = np.moveaxis(self._rows[:most], 1, 0).copy()
-        taken = crossed & (np.arange(most)[:, None] < self._counts)
-        found[0] = np.where(taken, found[0] / self._span, 0.0)
+        found[0] = np.where(crossed & (np.arange(most)[:, None] < self._counts), found[0] / self._span, 0.0)
         return found
 
     def tried(self, before: Fields, after: Fields) -> None:

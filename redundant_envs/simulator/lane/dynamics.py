@@ -18,7 +18,7 @@ from redundant_envs.robots.added_inertia import functions_with, held_functions
 from redundant_envs.robots.derived import held_joint_dynamics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS, Tableau
-from redundant_envs.simulator.lane import sensing
+from redundant_envs.simulator.lane import fields, sensing
 from redundant_envs.simulator.lane.closed_forms import Closing, varying_arguments
 from redundant_envs.simulator.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Lifetime, Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
@@ -90,20 +90,17 @@ class Dynamics:
     def fields(self, length: Lifetime) -> Iterator[Variable]:
         """State, parameters and what every interval has; ``length`` is the lifetime of the field "h"."""
         arm, numbers = self.arm, self.parameters
-        of_arm = f"the arm {arm.kind}"
+        named = f"the arm {arm.kind}"
         own = (*ARGUMENTS, hooks.CONTROL_DT)
-        owners = dict.fromkeys(numbers.numbers, of_arm) | dict.fromkeys(own, ENGINE)
+        owners = dict.fromkeys(numbers.numbers, named) | dict.fromkeys(own, ENGINE)
         for effect in self.scene.effects:
             names = (*effect.parameters(), *effect.states(arm))
             owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}
-        for name in arm.coordinates:
-            yield Variable(name, "rad or m", "generalized coordinate", STATE, owner=of_arm)
-        for name in arm.rates:
-            yield Variable(name, "rad/s or m/s", "generalized velocity", STATE, owner=of_arm)
+        yield from fields.variables(arm.coordinates, "generalized coordinate", STATE, "rad or m", owner=named)
+        yield from fields.variables(arm.rates, "generalized velocity", STATE, "rad/s or m/s", owner=named)
         for name, state in self.effect_states.items():
             yield Variable(name, state.unit, f"state {state.name}", STATE, owner=owners[name])
-        for name in self.draw_fields:
-            yield Variable(name, "", "from which draws follow", STATE)
+        yield from fields.variables(self.draw_fields, "from which draws follow", STATE)
         if self.track_work:
             yield from engine("work")
         yield Variable("h", "s", "length of the common step", length)
@@ -135,8 +132,7 @@ class Dynamics:
             known = {*a.states, *self.constant} - {*self.closed}  # closed forms are those of a stage
             return bool(own) and all(known.issuperset(f.names) for f in own)
 
-        kinds = (*self.scene.attached.of(hooks.Field), *self.scene.attached.of(hooks.Force))
-        return tuple(a for a in kinds if follows(a))
+        return tuple(a for a in self.scene.attached.of(hooks.Field, hooks.Force) if follows(a))
 
     @cached_property
     def autonomous(self) -> tuple[str, ...]:
@@ -171,7 +167,7 @@ class Dynamics:
 
     def efforts(self, x: Quantities, change: str, close: Closing | None = None) -> tuple[list[Any], Changes]:
         """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; with
-        ``close`` states are in closed form."""
+        ``close`` states of links, and then those of forces, are in closed form."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
             given = efforts[k]
@@ -184,6 +180,11 @@ class Dynamics:
                 changes |= link.changes(change, x)
                 efforts[k] = link.functions["function"](x)
             x[command] = given
+        if close is not None:
+            for a in self.scene.attached.of(hooks.Force):
+                if a.has_laws and not self.locates_laws:
+                    a.settle_law(x)
+                close(a, x)
         return efforts, changes
 
     def changes(self, x: Quantities, what: str, lane: Any) -> Changes:
@@ -237,8 +238,7 @@ class Dynamics:
         if not changing:
             return tuple(self.arm.functions)
         sums = [total_mass(mass, (self.parameters.field_of(mass), *carried[mass])) for mass in changing]
-        prepared = [f for f in self.arm.prepared if f not in self.arm.functions]
-        return (*self.arm.functions, *prepared, *sums)
+        return (*self.arm.functions, *(f for f in self.arm.prepared if f not in self.arm.functions), *sums)
 
     @property
     def functions_held(self) -> tuple[Callable[..., Any], ...]:
@@ -253,13 +253,6 @@ class Dynamics:
     def close(self, x: Quantities, close: Closing) -> None:
         """Let the states that are in closed form be noted, or give quantities their values."""
         self.efforts(x, "none", close)
-        self._close_forces(x, close)
-
-    def _close_forces(self, x: Quantities, close: Closing) -> None:
-        for a in self.scene.attached.of(hooks.Force):
-            if a.has_laws and not self.locates_laws:
-                a.settle_law(x)
-            close(a, x)
 
     def set_field(self, x: Quantities) -> None:
         """The field of the scene, where it does not follow from parameters alone."""
@@ -276,8 +269,6 @@ class Dynamics:
         joints = range(self.count)
         self.set_field(x)
         effort, changes = self.efforts(x, "derivative", close)
-        if close is not None:
-            self._close_forces(x, close)
         at_joints = self.scene.actuation == "joint"
         acting: dict[str, Any] = {f"phid{k + 1}": effort[k] if at_joints else None for k in joints}
         working, at_points = dict(acting), dict[str, Any]()
@@ -286,30 +277,26 @@ class Dynamics:
         for a in self.scene.attached.of(hooks.Force):
             if a.has_laws and not self.locates_laws:
                 a.settle_law(x)
-            force = _components(a, "function", x)
+            force = components(a, "function", x)
             changes |= a.changes("derivative", x)
-            for rate, component in force.items():
-                acting[rate] = _plus(acting.get(rate), component)
+            add(acting, force)
             if isinstance(a.hook.joint, hooks.Point):
                 self._add_at_coordinates(a, force, x, at_points)
             if a.hook.conservative is a.hook.function:
                 continue
-            for rate, component in force.items():
-                working[rate] = _plus(working.get(rate), component)
+            add(working, force)
             if a.hook.conservative is not None and self.track_work:
-                for rate, component in _components(a, "conservative", x).items():
-                    working[rate] = working[rate] + (-component)
+                add(working, {rate: -part for rate, part in components(a, "conservative", x).items()})
         for k in sorted(self.frictions):
             rate, side = f"phid{k + 1}", x[f"side_friction{k + 1}"]
-            friction = -(side * self.friction_limit(k, x, side * x[rate]))
-            acting[rate] = _plus(acting[rate], friction)
-            working[rate] = _plus(working[rate], friction)
+            friction = {rate: -(side * self.friction_limit(k, x, side * x[rate]))}
+            add(acting, friction)
+            add(working, friction)
         torques = [acting[f"phid{k + 1}"] for k in joints]
         if any(t is not None for t in torques):
             x.update({f"t{k + 1}": 0.0 if t is None else t for k, t in enumerate(torques)})
-            forces = x.each(f"Q{k + 1}" for k in joints)
             if not at_joints:
-                x.update({f"Q{k + 1}": forces[k] + effort[k] for k in joints})
+                x.update({f"Q{k + 1}": x[f"Q{k + 1}"] + effort[k] for k in joints})
         else:
             x.update({f"Q{k + 1}": effort[k] for k in joints})
         x.update({name: x[name] + force for name, force in at_points.items()})
@@ -325,12 +312,11 @@ class Dynamics:
 
     def _power_of_fields(self, x: Quantities) -> list[Any]:
         """The power of moving fields, -G qd with the weight G in these fields alone."""
-        fields = self.scene.attached.moving_fields
-        if not fields:
+        if not self.scene.attached.moving_fields:
             return []
         known = {name: x[name] for name in (*self.arm.coordinates, *self.arm.rates)}
         known |= {name: x[name] for name in self.parameters.numbers if name not in ("ax", "ay")}
-        known["ax"], known["ay"] = field_of(fields, x)
+        known["ax"], known["ay"] = field_of(self.scene.attached.moving_fields, x)
         alone = Quantities(known, self.functions, self.arm.sincos)
         return [-(alone[f"G{k + 1}"] * x[v]) for k, v in enumerate(self.arm.rates)]
 
@@ -341,7 +327,7 @@ class Dynamics:
                 for axis, component in zip("XY", force.values(), strict=True):
                     slope = x[f"{axis}{a.hook.joint.number + 1}{j + 1}"]
                     if not (isinstance(slope, float) and slope == 0.0):  # links beyond the point
-                        sums[f"Q{j + 1}"] = _plus(sums.get(f"Q{j + 1}"), slope * component)
+                        add(sums, {f"Q{j + 1}": slope * component})
 
 
 @functools.lru_cache(maxsize=64)
@@ -355,14 +341,17 @@ def total_mass(mass: str, parts: tuple[str, ...]) -> Any:
     return total_mass
 
 
-def _components(a: Attached[hooks.Force], field: str, x: Quantities) -> dict[str, Any]:
-    """A force by the names of the velocities along which it acts."""
+def components(a: Attached[Any], field: str, x: Quantities) -> dict[str, Any]:
+    """A force, or an impulse, by the names of the velocities along which it acts."""
     force = a.functions[field](x)
     return dict(zip(a.hook.rates, force if isinstance(force, tuple) else (force,), strict=True))
 
 
-def _plus(a: Any, b: Any) -> Any:
-    return b if a is None else a + b
+def add(sums: dict[str, Any], more: Mapping[str, Any]) -> None:
+    """Add numbers to the sums of the same names; None is a sum of nothing."""
+    for name, x in more.items():
+        before = sums.get(name)
+        sums[name] = x if before is None else before + x
 
 
 def quantities_of_arm(dynamics: Dynamics, lane: Lane, form: str = "{}", *more: Any) -> Quantities:

@@ -34,8 +34,6 @@ SPENT = ("evaluations_sum", "events_sum", "error_most")
 """What lanes with steps of their own remember beside it."""
 TABLES = {"flags": "i8", "counts": "i64", "values": "f64"}
 """Tables that a step of an environment fills, and the types of their numbers."""
-
-
 PURPOSE = 1 << 31
 """Bit of the second word of Philox's counter in which these draws differ from all others, whose second word
 is 0 or a count of control steps."""
@@ -71,20 +69,18 @@ class Episode:
         self.sensors = bool(scene.attached.of(Sensing))
         """Whether observations follow from readings of sensors."""
         has = {"events_sum": bool(interval.features.stops), "error_most": scene.tolerance is not None}
-        counts = interval.features.counts_evaluations
-        spent = (name for name in SPENT if counts and has.get(name, True))
+        spent = (name for name in SPENT if interval.features.counts_evaluations and has.get(name, True))
         self.counts: tuple[str, ...] = (*self.returns, *spent, *COUNTS)
         """What a lane remembers of its episode beside its state and the task's memory."""
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:
-        flags, metrics = self.task.flags, self.task.metrics
         beyond = ("beyond_limit",) if spring_limits(self.dynamics.scene) else ()
         totals = [n for n in SPENT if n in self.counts and n != "error_most"]
         most = ("error_most",) if "error_most" in self.counts else ()
-        measured = (m for m in metrics if m not in flags)
+        measured = (m for m in self.task.metrics if m not in self.task.flags)
         return {
-            "flags": ("terminated", "truncated", *(m for m in metrics if m in flags)),
+            "flags": ("terminated", "truncated", *(m for m in self.task.metrics if m in self.task.flags)),
             "counts": ("numerics", "saturated", "steps", *totals),
             "values": ("reward", *measured, *beyond, *most, *self.returns, *self.drawn, *TIP, *self.goal),
         }
@@ -95,12 +91,12 @@ class Episode:
         yield from self.interval.fields()
         if not self.features.local:
             yield from copies(self.features.kept, "{}_start", "when the interval began")
-        yield from variables(task.parameters(), "number", PARAMETER, owner)
+        yield from variables(task.parameters(), "number", PARAMETER, owner=owner)
         yield from engine("limit")
-        yield from variables(task.memory, "memory", STATE, owner)
+        yield from variables(task.memory, "memory", STATE, owner=owner)
         yield from variables(self.returns, "sum of a reward term over the episode", STATE)
         yield from engine(*self.counts[len(self.returns) :], *ENDS)
-        yield from variables(task.held_outputs, "held output", STATE, owner)
+        yield from variables(task.held_outputs, "held output", STATE, owner=owner)
         yield from variables(self.actions, "action in [-1, 1] of the last step, which pictures show", STATE)
         yield from variables(self.draws, "uniform draw in (0, 1)")
         yield from self.randomized.fields()
@@ -161,8 +157,7 @@ class Episode:
         code = lane.numerics + where((defect == 0.0) & observable, 0.0, float(Fault.NON_FINITE))
         if self.features.local:
             code = code + where(lane.fault >= GIVEN_UP, lane.fault, 0.0)
-        too_fast = logical_not(code > 0.0) & (fastest > lane["speed_bound"])
-        fast = where(too_fast, float(Fault.SPEED_BOUND), 0.0)
+        fast = where(logical_not(code > 0.0) & (fastest > lane["speed_bound"]), float(Fault.SPEED_BOUND), 0.0)
         if task.speed_bound_ends:
             code = code + fast
         faulty = code > 0.0
@@ -172,17 +167,15 @@ class Episode:
             for name, source in task.moves.items():
                 lane[name] = where(faulty, lane[name], x[source])
         x = self.quantities_now(lane)
-        terms = self.terms
         taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in algebra.arguments_of(f)]
-        earned = [t for t in terms if not any(t in algebra.gives_of(f) for f in taking)]
+        earned = [t for t in self.terms if not any(t in algebra.gives_of(f) for f in taking)]
         if taking:
             x["ended"] = code
             x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
-        lane.reward = total(x.each(terms))
-        new = {name: x[source] for name, source in task.updates.items()}
-        for t in terms:
+        lane.reward = total(x.each(self.terms))
+        for t in self.terms:
             lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
-        lane.set(new, new.values())
+        lane.set(task.updates, x.each(task.updates.values()))
         told = code if task.speed_bound_ends else code + fast
         if self.features.local:
             told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
@@ -269,11 +262,9 @@ class Randomized:
 
     def fields(self) -> Iterator[Variable]:
         """Fields of the lanes: what the draws follow from, and draws of an episode."""
-        for name in self.numbers():
-            yield Variable(name, "", "of the range of a number", PARAMETER, at_reset=True)
-        for name in map(fixed, self.entries):
-            doc = "whether an option of a reset has set the number, which then is not drawn"
-            yield Variable(name, "", doc, PARAMETER, truth=True, at_reset=True)
+        yield from variables(self.numbers(), "of the range of a number", PARAMETER, at_reset=True)
+        doc = "whether an option of a reset has set the number, which then is not drawn"
+        yield from variables(map(fixed, self.entries), doc, PARAMETER, truth=True, at_reset=True)
         for _, draws in self.streams():
             yield from variables(draws, "uniform draw in (0, 1)")
 
@@ -308,9 +299,8 @@ class Randomized:
             for k, name in enumerate(names):
                 nominal = lane[f"nominal {name}"] if one.scale else 1.0
                 value = one.drawn(values[0 if one.shared else k], nominal)
-                field = self.dynamics.parameters.field_of(name)
                 drawn = lane.resetting & logical_not(lane[fixed(name)])
-                lane[field] = where(drawn, value, lane[field])
+                lane.set_where(drawn, {self.dynamics.parameters.field_of(name): value})
 
     def prepare(self, lane: Lane) -> None:
         """What follows from the numbers alone, in the lanes that are ``resetting``."""

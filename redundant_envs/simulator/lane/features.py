@@ -40,8 +40,7 @@ class Features:
         """Boundaries that bounce: stops of joints, and walls, whose coordinates are any functions."""
         self.holding = tuple(b for b in of_joints if isinstance(b, stops.HoldingStop))
         """Stops that hold their sliders by themselves."""
-        by_joint = sorted(of_joints, key=lambda b: b.travel.index)
-        self.from_base = sorted(by_joint, key=lambda b: isinstance(b, stops.HingeStop))
+        self.from_base = sorted(of_joints, key=lambda b: (isinstance(b, stops.HingeStop), b.travel.index))
         """Stops of sliders, then those of revolute joints from base to tip: an angle may be a difference of
         coordinates, of which those of the links before it are known first."""
         self.active = tuple(b.active_stop for b in self.holding)

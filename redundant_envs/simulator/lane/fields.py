@@ -98,10 +98,10 @@ class Own(Declared):
 
 
 def variables(
-    names: Iterable[str], doc: str, lifetime: Lifetime = SCRATCH, owner: str = ENGINE
+    names: Iterable[str], doc: str, lifetime: Lifetime = SCRATCH, unit: str = "", **more: Any
 ) -> Iterator[Variable]:
-    """Fields of a kind, without a unit, or with several."""
-    return (Variable(name, "", doc, lifetime, owner=owner) for name in names)
+    """Fields of a kind, without a unit, or with several; ``more`` as for :class:`Variable`."""
+    return (Variable(name, unit, doc, lifetime, **more) for name in names)
 
 
 def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Variable]:

@@ -16,7 +16,7 @@ from redundant_envs.simulator.lane.common_step import CommonStep
 from redundant_envs.simulator.lane.dynamics import ARGUMENTS, INTERVALS, Dynamics
 from redundant_envs.simulator.lane.faults import GIVEN_UP, Control
 from redundant_envs.simulator.lane.features import Features
-from redundant_envs.simulator.lane.fields import SCRATCH, Layout, Variable, copies, engine
+from redundant_envs.simulator.lane.fields import Layout, Variable, copies, engine, variables
 from redundant_envs.simulator.lane.memory import Lane, TracedLane, function_of
 from redundant_envs.simulator.lane.pieces import pieces_of
 from redundant_envs.simulator.lane.program import LaneProgram, Request
@@ -58,8 +58,7 @@ class Interval:
         yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
         yield from engine("evaluations", "reason", "error_start", "min_steps", "state")
         yield from engine("entered", "due", "moving", "touching", "complete")
-        for name in features.doubts:
-            yield Variable(name, "", "why an error may exceed its estimate", SCRATCH, truth=True)
+        yield from variables(features.doubts, "why an error may exceed its estimate", truth=True)
         yield from features.log.fields()
         for b in features.boundaries:
             yield from b.watched_fields()
@@ -85,13 +84,12 @@ class Interval:
 
     def update_effect_states(self, lane: Lane) -> None:
         """At the end of an interval: update the states of effects that were constant in it."""
-        dynamics = self.dynamics
         x = self.features.quantities(lane)
-        dynamics.set_field(x)
-        changes = dynamics.changes(x, "update", lane)
+        self.dynamics.set_field(x)
+        changes = self.dynamics.changes(x, "update", lane)
         lane.set(changes, changes.values())
         jumps.exchange(self.features, lane, x)
-        if dynamics.draws:
+        if self.dynamics.draws:
             lane[INTERVALS] = lane[INTERVALS] + 1.0
 
     def initial_states(self, lane: Lane) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from redundant_envs.effects.bound_hooks import field_of
 from redundant_envs.effects.hooks import Impulse, Point, PointMass
 from redundant_envs.language.algebra import any_of, logical_not, maximum, total, where
 from redundant_envs.language.quantities import Quantities
-from redundant_envs.simulator.lane.dynamics import Dynamics, response
+from redundant_envs.simulator.lane.dynamics import Dynamics, add, components, response
 from redundant_envs.simulator.lane.features import Features
 from redundant_envs.simulator.lane.memory import Lane
 
@@ -27,13 +27,11 @@ def strike(features: Features, lane: Lane, happens: Mapping[str, Any] | None = N
     pushes: dict[str, Any] = {}
     at_coordinates: list[Any] = [0.0] * dynamics.count
     for a in impulses:
-        found = a.functions["function"](x)
-        components = found if isinstance(found, tuple) else (found,)
+        push = components(a, "function", x)
         if happens is not None:
-            components = tuple(where(happens[a.passed], p, 0.0) for p in components)
-        for rate, p in zip(a.hook.rates, components, strict=True):
-            pushes[rate] = pushes[rate] + p if rate in pushes else p
-        for row, p in zip(_slopes(dynamics, a.hook.joint, x), components, strict=True):
+            push = {rate: where(happens[a.passed], p, 0.0) for rate, p in push.items()}
+        add(pushes, push)
+        for row, p in zip(_slopes(dynamics, a.hook.joint, x), push.values(), strict=True):
             at_coordinates = [q + slope * p for q, slope in zip(at_coordinates, row, strict=True)]
     struck = any_of(logical_not(p == 0.0) for p in pushes.values())
     after = _jump(features, lane, x, at_coordinates, struck)

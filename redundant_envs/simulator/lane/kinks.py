@@ -93,8 +93,7 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
         kept = [k for k, key in enumerate(keys) if key not in seen and key not in keys[:k]]
         seen.update(keys)
         if kept:
-            levels = tuple(isinstance(keys[k], tuple) for k in kept)
-            watch = watch._replace(kept=tuple(kept), levels=levels)
+            watch = watch._replace(kept=tuple(kept), levels=tuple(isinstance(keys[k], tuple) for k in kept))
         if kept or not watch.moving:
             watches.setdefault(a, []).append(watch)
     return watches

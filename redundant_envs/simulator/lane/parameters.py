@@ -42,8 +42,7 @@ class Parameters:
     def prepare(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Quantities that follow from the parameters alone, to be computed when these are set."""
         arm = self.scene.robot
-        bounds = arm.mobility_bounds
-        functions = arm.prepared if bounds is None else (*arm.prepared, bounds)
+        functions = arm.prepared if arm.mobility_bounds is None else (*arm.prepared, arm.mobility_bounds)
         changing = self.scene.attached.changing
         # Without the masses that may come: with these no joint is more mobile.
         made: dict[str, Any] = {
@@ -79,8 +78,7 @@ class Parameters:
         """Quantities that are constant in a step: parameters, what is prepared from them, and masses that
         change between intervals; without :data:`NO_QUANTITIES`."""
         masses = itertools.chain.from_iterable(self.scene.attached.changing.values())
-        found = (*self.values, *self.prepared, *masses)
-        return tuple(n for n in found if not NO_QUANTITIES.match(n))
+        return tuple(n for n in (*self.values, *self.prepared, *masses) if not NO_QUANTITIES.match(n))
 
 
 # ---- steps that springs, dampers and states require, independent of error estimates --------------------

@@ -119,8 +119,7 @@ class Pieces(Whole):
         lane.set(names, [where(goes_on, x, y) for x, y in zip(lane.get(names), before, strict=True)])
 
     def span(self, lane: Lane) -> Any:
-        substeps = self.dynamics.scene.substeps
-        return lane.h if substeps == 1 else lane.h * float(substeps)
+        return lane.h if self.dynamics.scene.substeps == 1 else lane.h * float(self.dynamics.scene.substeps)
 
     def allowed_error(self, lane: Lane) -> Any:
         """Its tolerance, times the share of the interval that is crossed then."""

@@ -342,11 +342,10 @@ class LaneProgram:
     def shorten(self, lane: Lane) -> None:
         """After an inaccurate step: equal steps begin the interval anew, others begin the step anew."""
         self.control.shorten(lane)
-        repeats = self.control.repeats
-        if repeats:
+        if self.control.repeats:
             self.at_start(lane)
-        lane.step, lane.at_stop = lane.left, repeats and self.decides_at_start(lane)
-        self.back_to(lane, "{}_start" if repeats else "{}_trial")
+        lane.step, lane.at_stop = lane.left, self.control.repeats and self.decides_at_start(lane)
+        self.back_to(lane, "{}_start" if self.control.repeats else "{}_trial")
 
     def give_up(self, lane: Lane) -> None:
         """Leave the lane as it was at the start of the interval, but for its estimate."""

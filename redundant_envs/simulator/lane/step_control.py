@@ -65,8 +65,7 @@ class StepControl:
     def within_budget(self, lane: Lane) -> Any:
         """Whether the interval may have one more trial step."""
         # If such steps make a slider unstable, every step can seem to end beyond a stop.
-        each = TRIALS_OF_SUBSTEP * self.pieces.count
-        most = self.most_trials * lane.h + each * self.pieces.span(lane)
+        most = self.most_trials * lane.h + TRIALS_OF_SUBSTEP * self.pieces.count * self.pieces.span(lane)
         return lane.evaluations * lane.h < self.stages * most
 
 
@@ -117,8 +116,7 @@ class EqualSteps(StepControl):
             lane.left, lane.steps_left = self.pieces.span(lane) / lane.divisions, lane.steps_left - 1.0
             return End.GOES_ON
         accurate = lane.error <= self.pieces.allowed_error(lane)
-        passed = accurate & (lane.min_steps <= error_control.MAX_STEPS) & agrees
-        if not passed:
+        if not (accurate & (lane.min_steps <= error_control.MAX_STEPS) & agrees):
             self.pieces.note(lane, Fault.TOLERANCE_NOT_REACHED)
         return End.CROSSED
 

@@ -79,10 +79,9 @@ class StickingJoint(Guard):
         """Value of its guard; that of a joint that sticks follows from the force that holds it, or is
         ``held`` if ``x`` has no forces."""
         mode = x[self.side]
-        stuck = self._load(x) if held is None else held[self.name]
         # Without friction nothing changes where a rate passes 0: a stop is met as a position.
         slips = -(mode * x[f"phid{self.joint.number}"]) if self.rubs else SLIPS_FREELY
-        return where(mode == 0.0, stuck, slips)
+        return where(mode == 0.0, self._load(x) if held is None else held[self.name], slips)
 
     def _load(self, x: Quantities) -> Any:
         """How much the force that holds it exceeds its limit, N m or N."""
@@ -90,12 +89,11 @@ class StickingJoint(Guard):
         applied = "t" if dynamics.scene.actuation == "joint" else "Q"
         forces = f"{applied}Gh" if dynamics.frictions else applied
         loads = total(abs(x[f"{force}{k + 1}"]) for force in forces for k in range(dynamics.count))
-        limit = dynamics.friction_limit(self.joint.index, x, 0.0)
         hold = x[f"hold{self.joint.number}"]
         load = abs(hold)
         if self.travel is not None:  # whose stop holds it in one direction, whatever that takes
             load = where(x[self.at] == 0.0, load, x[self.at] * hold)
-        return load - (TORN_LOOSE * limit + LOST_IN_LOADS * loads)
+        return load - (TORN_LOOSE * dynamics.friction_limit(self.joint.index, x, 0.0) + LOST_IN_LOADS * loads)
 
     # ---- what a lane does with it --------------------------------------------------------------------
 

@@ -133,8 +133,7 @@ class Wall(Impacting):
         return total([*lengths, *(abs(lane[arm.coordinates[k]]) for k in arm.sliders())])
 
     def at_stage(self, x: Quantities) -> Any:
-        arm = self.dynamics.arm
-        q, v = x.each(arm.coordinates), x.each(arm.rates)
+        q, v = x.each(self.dynamics.arm.coordinates), x.each(self.dynamics.arm.rates)
         a = [x.get(f"qdd{k + 1}", 0.0) for k in range(self.dynamics.count)]
         moving = [Dual(Dual(x0, x1), Dual(x1, x2)) for x0, x1, x2 in zip(q, v, a, strict=True)]
         return dual(self._on(moving, numbers_of(self.dynamics, x)).slope).slope
@@ -235,8 +234,7 @@ class Stop(TravelStop):
         self.joint: StickingJoint = joint
 
     def active_side(self, lane: Lane, form: str = "{}") -> Any:
-        sticks = lane[form.format(self.joint.side)] == 0.0
-        return where(sticks, self.travel.side_touched(lane, form), 0.0)
+        return where(lane[form.format(self.joint.side)] == 0.0, self.travel.side_touched(lane, form), 0.0)
 
     def pressing(self, lane: Lane) -> Any:
         acceleration, joint = self.present_acceleration(lane), self.joint
