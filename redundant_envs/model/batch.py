@@ -111,10 +111,9 @@ class BatchSimulator(Copied):
         filled["evaluations"][:] = self.scene.substeps * dynamics.method.stages
         for part in self._team.parts:
             part.set(**{name: column[part.first * LANES :] for name, column in filled.items()})
-        features = simulator.features
         filled["error"].flags.writeable = bool(dynamics.method.error5)
-        filled["evaluations"].flags.writeable = features.counts_evaluations
-        filled["events"].flags.writeable = bool(features.stops)
+        filled["evaluations"].flags.writeable = simulator.features.counts_evaluations
+        filled["events"].flags.writeable = bool(simulator.features.stops)
         self._outputs = [(column[: self.num_envs], column.flags.writeable) for column in filled.values()]
 
     @staticmethod
@@ -147,22 +146,21 @@ class BatchSimulator(Copied):
     def events(self, start: float = 0.0) -> list[Event]:
         """Events at stops in the last interval, which began at ``start`` [s]; needs ``track_work``. A
         ValueError if a lane had more events, rests and releases included, than are kept."""
-        features, memory = self.simulator.features, self._memory
-        if not features.stops:
+        if not self.simulator.features.stops:
             return []
         if not self.track_work:
             raise ValueError("events are not kept; build BatchSimulator with track_work=True")
-        counts, happened = memory.read(("logged",))[:, 0], []
+        counts, happened = self._memory.read(("logged",))[:, 0], []
         for lane in np.flatnonzero(counts).tolist():
             if counts[lane] >= MAX_LOGGED:
                 raise ValueError(
                     f"environment {lane} had {MAX_LOGGED} events or more at its stops in one interval, and "
                     f"no more are kept; shorten control_dt, which is {self.scene.control_dt} s"
                 )
-            row = memory.arrays[str(LOG)][lane // LANES, : 3 * int(counts[lane]), lane % LANES]
+            row = self._memory.arrays[str(LOG)][lane // LANES, : 3 * int(counts[lane]), lane % LANES]
             for time, code, speed in row.reshape(-1, 3).tolist():
                 slider, kind = divmod(int(code), 10)
-                joint = features.stops[slider].name
+                joint = self.simulator.features.stops[slider].name
                 happened.append(Event(start + time, EVENT_KINDS[kind], joint, speed, lane))
         return happened
 

@@ -79,8 +79,7 @@ def listing(scene: Scene, track_work: bool = False) -> str:
         def name_of(space: str, k: int) -> str:
             return efforts[k] if space == "efforts" else names.get((space, k), f"{space}[{k}]")
 
-        text = "\n".join(lines(Program([kernel]), name_of)) + "\n"
-    return text.replace(f"{PACKAGE.parent}/", "")
+        return "\n".join(lines(Program([kernel]), name_of)).replace(f"{PACKAGE.parent}/", "") + "\n"
 
 
 def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bill:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from redundant_envs.compiler.tracing.flow import LANES
 from redundant_envs.language.limits import ROUNDING
-from redundant_envs.model.memory import Memory
+from redundant_envs.model.memory import Array, Memory
 from redundant_envs.model.programs import Simulator
 from redundant_envs.scenes.numbers import Table, check_named_once, check_values, names_of
 from redundant_envs.scenes.scene import Scene
@@ -25,7 +25,7 @@ KEPT_FIELDS = ("h", "interval", "control_dt", "tip_tolerance", "limit")
 """Parameters that belong to a simulator and to none of its states."""
 
 
-def numbers(name: str, values: Any) -> NDArray[np.float64]:
+def numbers(name: str, values: Any) -> Array:
     """Real numbers as an array; a ValueError that names them if they are anything else, truths among them."""
     try:
         array = np.asarray(values)
@@ -43,9 +43,7 @@ def _holds_truth(values: Any) -> bool:
     return isinstance(values, bool) or getattr(getattr(values, "dtype", None), "kind", "f") == "b"
 
 
-def table(
-    name: str, values: ArrayLike, lanes: int, width: int, absent: ArrayLike = 0.0
-) -> NDArray[np.float64]:
+def table(name: str, values: ArrayLike, lanes: int, width: int, absent: ArrayLike = 0.0) -> Array:
     """Finite numbers (lanes, width) from one, (width,) or (lanes, width); with a width of 1 also (lanes,).
     Infinite ones are allowed where ``absent`` (width,) has them, as an end of travel without a stop."""
     array = numbers(name, values)
@@ -59,7 +57,7 @@ def table(
     return array
 
 
-def shaped(name: str, array: NDArray[np.float64], lanes: int, width: int) -> NDArray[np.float64]:
+def shaped(name: str, array: Array, lanes: int, width: int) -> Array:
     """Numbers (lanes, width) from those of one lane or of all."""
     if array.shape not in ((width,), (1, width), (lanes, width)):
         raise ValueError(f"{name} has shape {array.shape}; give ({width},) or ({lanes}, {width})")
@@ -121,7 +119,7 @@ def stops_of(memory: Memory, lanes: NDArray[np.intp]) -> Table:
     return present(memory, lanes, [end for _, *ends in hard_stops(memory.dynamics.scene) for end in ends])
 
 
-def check_stops(scene: Scene, q: NDArray[np.float64], values: Table, where: str = "") -> None:
+def check_stops(scene: Scene, q: Array, values: Table, where: str = "") -> None:
     """ValueError, which begins with ``where``, if a joint is beyond a hard end of its travel."""
     for joint, lower, upper in hard_stops(scene):
         slides = scene.robot.prismatic[joint]

@@ -138,10 +138,9 @@ def torch_step(scene: Scene) -> Step:
 
 def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tensor]:
     """The steps of each piece, (1 + laws, steps, ...), as :func:`steps_taken` has them; fixed ones are 1."""
-    dynamics = interval.dynamics
     device = next(x.device for x in fields.values() if isinstance(x, torch.Tensor))
-    if dynamics.scene.tolerance is None:
-        steps = torch.ones(1, dynamics.scene.substeps, dtype=torch.float64, device=device)
+    if interval.dynamics.scene.tolerance is None:
+        steps = torch.ones(1, interval.dynamics.scene.substeps, dtype=torch.float64, device=device)
         return [steps] * interval.pieces.count
     if device.type == "meta":
         raise ValueError(
@@ -150,8 +149,7 @@ def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tens
         )
 
     def found(*values: Any) -> tuple[torch.Tensor, ...]:
-        tensors = [x for x in values if isinstance(x, torch.Tensor)]
-        shape = torch.broadcast_shapes(*(x.shape for x in tensors))
+        shape = torch.broadcast_shapes(*(x.shape for x in values if isinstance(x, torch.Tensor)))
         lanes = (
             x.resolve_neg().expand(shape).reshape(-1).cpu().numpy() if isinstance(x, torch.Tensor) else x
             for x in values

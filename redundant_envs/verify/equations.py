@@ -68,10 +68,9 @@ def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
 
 def added_inertia(trial: Sample) -> Array:
     """Inertias that effects add to the mass matrix beside masses, (joints, joints)."""
-    arm = trial.scene.robot
-    total = np.zeros((len(arm.joints),) * 2)
+    total = np.zeros((len(trial.scene.robot.joints),) * 2)
     for a in trial.scene.attached.of(Inertia):
-        direction = arm.motor_map[:, list(a.hook.joints)].sum(axis=1)
+        direction = trial.scene.robot.motor_map[:, list(a.hook.joints)].sum(axis=1)
         total += a.number(a.hook.inertia) * np.outer(direction, direction)
     return total
 

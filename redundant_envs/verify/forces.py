@@ -41,8 +41,7 @@ def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
     forces, ends = alone.attached.of(Force), list[Any](alone.travel().items())
     ends += [(a.hook.joint, map(a.parameter, a.hook.switch)) for a in forces if a.hook.switch]
     for k, (lower, upper) in ends:
-        width = values[upper] - values[lower]
-        step[k] = min(step[k], SHARE_OF_TRAVEL * width)
+        step[k] = min(step[k], SHARE_OF_TRAVEL * (values[upper] - values[lower]))
 
     def difference(joint: int, steps: int) -> Array:
         move = steps * step[joint] * inverse[joint]

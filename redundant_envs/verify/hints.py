@@ -201,8 +201,7 @@ def closed_forms(trial: Sample) -> Finding:
     """A closed form keeps the value of its state at the time 0, and its derivative by the time is that of the
     state, at the values that it gives, with all other quantities constant."""
     dynamics, (q, qd, efforts) = Dynamics(trial.scene), trial.states
-    B = dynamics.arm.motor_map
-    x = Motion(dynamics, q @ B, qd @ B, efforts).values()
+    x = Motion(dynamics, q @ dynamics.arm.motor_map, qd @ dynamics.arm.motor_map, efforts).values()
     states = ((a, field, own) for a in dynamics.scene.attached for field, own in a.states.items())
     found = [_closed_form(trial, x, *state) for state in states if "closed" in state[2]]
     return worst_of(found, "no state has a closed form")

@@ -138,8 +138,7 @@ def as_json(reports: Iterable[tuple[str, Report]]) -> str:
         }  # fmt: skip
 
     subjects = [{"subject": title, "outcomes": [plain(o) for o in r.outcomes]} for title, r in reports]
-    good = all(r.good for _, r in reports)
-    text = json.dumps({**versions(), "good": good, "subjects": subjects})
+    text = json.dumps({**versions(), "good": all(r.good for _, r in reports), "subjects": subjects})
     return json.dumps(json.loads(text, parse_constant=lambda _: None), indent=1) + "\n"
 
 

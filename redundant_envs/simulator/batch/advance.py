@@ -42,6 +42,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     features = interval.features
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
+    gives_up = features.local and (bool(features.boundaries) or features.control is Control.ADAPTIVE)
     told: dict[str, Any] = {}
 
     def end(lane: Lane) -> dict[Any, Any]:
@@ -57,7 +58,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
             told["evaluations"] = lane.evaluations
         if features.stops:
             told["events"] = where(given_up, 0.0, lane.impacts)
-        if features.local and (features.boundaries or features.control is Control.ADAPTIVE):
+        if gives_up:
             interval.undo(lane, given_up)
         features.log.end(lane, given_up)
         if dynamics.method.error5:

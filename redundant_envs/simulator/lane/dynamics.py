@@ -91,8 +91,7 @@ class Dynamics:
         """State, parameters and what every interval has; ``length`` is the lifetime of the field "h"."""
         arm, numbers = self.arm, self.parameters
         named = f"the arm {arm.kind}"
-        own = (*ARGUMENTS, hooks.CONTROL_DT)
-        owners = dict.fromkeys(numbers.numbers, named) | dict.fromkeys(own, ENGINE)
+        owners = dict.fromkeys(numbers.numbers, named) | dict.fromkeys((*ARGUMENTS, hooks.CONTROL_DT), ENGINE)
         for effect in self.scene.effects:
             names = (*effect.parameters(), *effect.states(arm))
             owners |= {f"{effect.key}.{name}": f"the effect {type(effect).__name__}" for name in names}

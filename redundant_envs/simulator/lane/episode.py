@@ -69,7 +69,8 @@ class Episode:
         self.sensors = bool(scene.attached.of(Sensing))
         """Whether observations follow from readings of sensors."""
         has = {"events_sum": bool(interval.features.stops), "error_most": scene.tolerance is not None}
-        spent = (name for name in SPENT if interval.features.counts_evaluations and has.get(name, True))
+        counts = interval.features.counts_evaluations
+        spent = (name for name in SPENT if counts and has.get(name, True))
         self.counts: tuple[str, ...] = (*self.returns, *spent, *COUNTS)
         """What a lane remembers of its episode beside its state and the task's memory."""
 
