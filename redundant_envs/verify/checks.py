@@ -134,10 +134,9 @@ class Sample:
         q, qd, efforts = self.states
         B = self.scene.robot.motor_map
         unit = np.where(self.arm.prismatic, np.linalg.norm(self.arm.points(q), axis=2).max(), 1.0)
-        with np.errstate(all="ignore"):
-            qdd = self.arm.forward_dynamics(q, qd, efforts @ B.T)
-            rate, faster = (np.abs(x @ B / unit).max(axis=1) for x in (qd, qdd))
-            return np.minimum(1.0 / rate, 1.0 / np.sqrt(faster))
+        qdd = self.arm.forward_dynamics(q, qd, efforts @ B.T)
+        rate, faster = (np.abs(x @ B / unit).max(axis=1) for x in (qd, qdd))
+        return np.minimum(1.0 / rate, 1.0 / np.sqrt(faster))
 
     @cached_property
     def calm_scene(self) -> Scene:
@@ -182,8 +181,7 @@ def enough(good: Array, reason: str, share: float = LEAST_SHARE) -> None:
 def ratio(difference: Any, scale: Any) -> Array:
     """A difference in units of a scale; if the scale is 0, it is 0 or infinite."""
     difference, scale = np.broadcast_arrays(np.abs(difference), scale)
-    with np.errstate(all="ignore"):
-        return np.where(scale > 0.0, difference / scale, np.where(difference == 0.0, 0.0, np.inf))
+    return np.where(scale > 0.0, difference / scale, np.where(difference == 0.0, 0.0, np.inf))
 
 
 BEYOND = 0.5  # distance of poses beyond the travel, in units of it: springs at its ends act only there

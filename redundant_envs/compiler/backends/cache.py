@@ -259,10 +259,8 @@ def _file_lock(path: Path, what: str) -> Iterator[None]:
                 raise OSError(f"another process has held {path} for {waited:.0f} s")
             if waited > SILENT_WAIT and not told:
                 told = True
-                waiting = (
-                    f"redundant-envs: waiting for another process that makes {what} (it has locked {path})"
-                )
-                say(f"{waiting}, for at most {LONGEST_WAIT:.0f} s ...", file=sys.stderr)
+                waiting = f"waiting for another process that makes {what} (it has locked {path})"
+                say(f"redundant-envs: {waiting}, for at most {LONGEST_WAIT:.0f} s ...", file=sys.stderr)
             time.sleep(min(0.1, 0.001 + waited / 10))
         try:
             yield

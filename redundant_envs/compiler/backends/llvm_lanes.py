@@ -160,8 +160,7 @@ class Emitter:
         if node.name == "fma" and not v.target.joins:
             return b.call(rounded_once(b.module, v.lanes, checked=not v.target.is_wasm), arguments)
         if node.name in INTRINSICS:
-            made = intrinsic(b.module, INTRINSICS[node.name], v.numbers, len(arguments))
-            return b.call(made, arguments)
+            return b.call(intrinsic(b.module, INTRINSICS[node.name], v.numbers, len(arguments)), arguments)
         if node.name in ARITHMETIC:
             return getattr(b, ARITHMETIC[node.name])(*arguments)
         if node.name == "not":

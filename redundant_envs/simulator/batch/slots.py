@@ -160,8 +160,7 @@ class Slots:
         read_in_slots |= {self.layout.row_of(name) for name in self.features.log.read}  # by no function
         at_end = reads[self.ended.name] | {self.layout.row_of("fault")}
         if self.interval.pieces.attempts > 1:
-            again = (*self.begun, self.doubted, self.settled)
-            at_end = at_end.union(*(reads[f.name] for f in again))
+            at_end = at_end.union(*(reads[f.name] for f in (*self.begun, self.doubted, self.settled)))
         self.brought = self._fields(read_in_entry | read_in_slots, in_blocks)
         taken = self._fields(read_in_slots | {self.layout.row_of("complete")}, in_blocks | in_entry)
         self.taken = [*taken, *(n for n in self._fields(in_entry, at_end) if n not in taken)]
@@ -169,8 +168,8 @@ class Slots:
 
     def _fields(self, rows: set[tuple[str, int]], and_these: set[tuple[str, int]]) -> list[str]:
         """Fields in some rows: states, and those that are in other rows, too."""
-        at = {name: self.layout.row_of(name) for name in self.layout.fields}
-        return [n for n, row in at.items() if row in rows and (row[0] == STATE or row in and_these)]
+        at = self.layout.places().items()
+        return [n for n, row in at if row in rows and (row[0] == STATE or row in and_these)]
 
     def group(self, first: Scalar, end: Scalar) -> None:
         """Take a common step with a group of blocks; lanes that it does not serve wait for a slot."""

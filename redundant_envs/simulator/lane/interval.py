@@ -62,11 +62,9 @@ class Interval:
         yield from features.log.fields()
         for b in features.boundaries:
             yield from b.watched_fields()
-        for law in features.laws:
-            yield from law.fields()
-        yield from features.stiction.fields()
-        for guard in features.guards:
-            yield from guard.fields()
+        parts: list[Any] = [*features.laws, features.stiction, *features.guards]
+        for part in parts:
+            yield from part.fields()
         if dynamics.bounds_late_switch:
             yield from engine("departure", "target")
             for guard in features.guards:

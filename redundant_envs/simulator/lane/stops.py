@@ -319,8 +319,7 @@ class ComparedBounces(Bounces):
 
     def note(self, lane: Lane, r: Resolved) -> None:
         happens = (r.impacts > lane.impacts) | (r.left_out > 0.0)
-        missed = r.others | (happens & (lane.elapsed < lane.bounces_end))
-        lane.bounce_missed = lane.bounce_missed | missed
+        lane.bounce_missed = lane.bounce_missed | (r.others | (happens & (lane.elapsed < lane.bounces_end)))
         lane.bounces_end = maximum(lane.bounces_end, lane.elapsed + r.left_out)
 
     def missed(self, lane: Lane) -> Any:
