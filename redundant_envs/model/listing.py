@@ -149,11 +149,10 @@ def _of_motion(scene: Scene, track_work: bool) -> tuple[Counts, Blocks]:
     """Operations of the motion, and the blocks of the program."""
     with located():
         _, blocks = advance_kernel(Dynamics(scene, track_work))
-        functions = blocks.functions
-        step = next(functions[n] for n in ("interval", "step", "common") if n in functions)
+        step = next(blocks.functions[n] for n in ("interval", "step", "common") if n in blocks.functions)
         counts: Counts = {part: Counter() for part in PARTS.values()}
         _add(counts, _of_function(step))
-        if "interval" not in functions:  # else the updates are a part of it
+        if "interval" not in blocks.functions:  # else the updates are a part of it
             update = traced("update", blocks.layout, blocks.interval.update_effect_states)
             _add(counts, _counted(reached(update.results)))
     return counts, blocks

@@ -234,8 +234,7 @@ def sliders(trial: Sample) -> Finding:
         gaps += [left, ratio(np.where(np.isin(range(n), held), qdd, 0.0) * e.scale, size)]
     for k in slides:
         W = columns(x.each(f"W{i + 1}{k + 1}" for i in range(n)), len(q))
-        product = np.einsum("nij,nj->ni", own, W) - np.eye(n)[k]
         most = (np.einsum("nij,nj->ni", np.abs(own), np.abs(W)) / e.scale).max(axis=1, keepdims=True)
-        gaps.append(ratio(product / e.scale, most))
+        gaps.append(ratio((np.einsum("nij,nj->ni", own, W) - np.eye(n)[k]) / e.scale, most))
     words = "held_dynamics or slider_mobility contradicts M"
     return found(trial, np.concatenate(gaps, axis=1), words, arm.joints * len(gaps))

@@ -8,7 +8,6 @@ Fixed steps evaluate the closed form of a state where error control integrates i
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,8 +30,6 @@ region of stability of rk8, and a declared number may leave out states that hard
 SLOWEST = 6.0  # decades of rates below the usual ones: friction that is smooth at 0 is steepest there
 DRIVES = at_most(1e-6)  # largest positive power of a damper, in units of the largest power that it absorbs
 
-NOTHING: Mapping[str, Any] = MappingProxyType({})
-
 
 class Motion:
     """Joint positions and rates at which the hooks of a scene are evaluated, and efforts."""
@@ -42,7 +39,7 @@ class Motion:
         self.efforts = np.broadcast_to(efforts, joints.shape)
 
     def values(
-        self, more: Mapping[str, Any] = NOTHING, moved: int | None = None, faster: int | None = None
+        self, more: Mapping[str, Any] | None = None, moved: int | None = None, faster: int | None = None
     ) -> Quantities:
         """All quantities, ``more`` given, with derivatives by a joint ``moved``, or ``faster``."""
         arm, d = self.dynamics.arm, self.dynamics
@@ -55,8 +52,8 @@ class Motion:
             slopes = np.zeros(len(names)) if joint is None else back[joint]
             for name, x, s in zip(names, (numbers @ back).T, slopes.tolist(), strict=True):
                 known[name] = Dual(x, s) if s else x
-        x = Quantities({**TILTED, **known, **more}, d.functions, arm.sincos)
-        x.update({n: value for n, value in d.begun(x).items() if n not in more})
+        x = Quantities({**TILTED, **known, **(more or {})}, d.functions, arm.sincos)
+        x.update({n: value for n, value in d.begun(x).items() if n not in (more or {})})
         for a in d.scene.attached.along(x):
             a.settle_law(x)
         for k in d.slipping:
@@ -96,8 +93,7 @@ def cases(trial: Sample, which: str) -> Iterator[tuple[Attached[Force], Motion]]
         joints = q @ B
         if a.hook.switch is not None:
             low, high = map(a.number, a.hook.switch)
-            width = high - low if np.isfinite(high - low) else 1.0
-            share = rng.uniform(0.0, 0.5, len(q)) * width
+            share = rng.uniform(0.0, 0.5, len(q)) * (high - low if np.isfinite(high - low) else 1.0)
             beyond = np.where(np.arange(len(q)) % 4 < 2, low - share, high + share)
             use = (np.arange(len(q)) % 2 == 0) & np.isfinite(beyond)
             joints[use, a.hook.joint] = beyond[use]

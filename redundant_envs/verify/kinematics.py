@@ -69,8 +69,7 @@ def motions(trial: Sample) -> Finding:
     own = np.stack([quantities(f"{{}}{{}}{j + 1}", "XY") for j in range(joints)], axis=-1)
     slope = e.slopes.reshape(own.shape)
     values = values_of(arm, q)
-    for k, name in enumerate(arm.coordinates):
-        values[name] = Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k]))
+    values |= {name: Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k])) for k, name in enumerate(arm.coordinates)}
     positions = arm.evaluate([f"{axis}{k + 1}" for k in range(points) for axis in "xy"], values)
     change = columns((dual(dual(x).slope).slope for x in positions), count)  # at constant rates
     most = np.einsum("naj,nj->na", np.abs(slope), np.abs(qd)).max(axis=1)
@@ -107,8 +106,7 @@ def manipulability(trial: Sample) -> Finding:
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     own, tip = arm.manipulability(q), e.slopes[:, -1]
     x, y = (np.square(tip[:, axis]).sum(axis=1) for axis in range(2))
-    expected = np.linalg.det(np.einsum("naj,nbj->nab", tip, tip))
-    gaps = ratio(np.copysign(np.square(own), own) - expected, x * y)
+    gaps = ratio(np.copysign(np.square(own), own) - np.linalg.det(np.einsum("naj,nbj->nab", tip, tip)), x * y)
     return found(trial, gaps, "manipulability contradicts the derivatives of the tip")
 
 

@@ -23,7 +23,7 @@ EXPONENT_BIAS, MANTISSA_BITS, SIGN_BIT = 1023, 52, 63
 ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
 ARITHMETIC = {
     "+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "neg": "fneg", "and": "and_", "or": "or_",
-    "xor": "xor", "select": "select",
+    "xor": "xor", "not": "not_", "select": "select",
 }  # fmt: skip
 WHOLE = 2.0**52
 """The last bits of a float from here to 2^53 are a whole number."""
@@ -163,8 +163,6 @@ class Emitter:
             return b.call(intrinsic(b.module, INTRINSICS[node.name], v.numbers, len(arguments)), arguments)
         if node.name in ARITHMETIC:
             return getattr(b, ARITHMETIC[node.name])(*arguments)
-        if node.name == "not":
-            return b.xor(arguments[0], v.same(v.truths, 1))
         if node.name == "bit":
             return b.shl(b.bitcast(arguments[0], v.whole), v.same(v.whole, SIGN_BIT - node.extra))
         if node.name == "power":  # power of two, from a whole number to which 1.5 * 2^52 was added

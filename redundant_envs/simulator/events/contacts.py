@@ -158,11 +158,10 @@ def would_rest(c: Contact, press: Any) -> Any:
     the stop is elastic and has no friction, whether its bounce is lost in rounding."""
     if not c.holds:
         return False
-    limit = where(c.side > 0.0, c.upper, c.lower)
     fades = c.restitution < 1.0
     if c.friction_with_stop:
         fades = fades | (c.grip > 0.0)
-    height = where(fades, c.lowest, ROUNDING * maximum(abs(limit), 1.0))
+    height = where(fades, c.lowest, ROUNDING * maximum(abs(where(c.side > 0.0, c.upper, c.lower)), 1.0))
     low = (c.speed * c.speed <= 2.0 * press * height) & (c.speed <= 0.0)
     if c.friction_with_stop:  # then there is a bounce to remove: without a speed friction decides
         low = low & (c.speed < 0.0)
@@ -274,9 +273,7 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     # Contacts are resolved once more if a coordinate at its stop strikes next, or has lost or gained the
     # support of another, or if removing a bounce has changed the motion of the arm.
     moved = any_of(abs(j) > 0.0 for j in halts)
-    waits = any_of(
-        (c.side != 0.0) & c.free & logical_not(rests[k]) & logical_not(c.released) for k, c in each
-    )
+    wait = any_of((c.side != 0.0) & c.free & logical_not(rests[k]) & logical_not(c.released) for k, c in each)
     left_out = reduce(maximum, [where(rests[k], time_of_bounces(c, unheld[k]), 0.0) for k, c in each])
     due = [  # one that stands still at its stop is not
         c.free & (minimum(c.upper - c.position, c.position - c.lower) < abs(c.velocity) * left_out)
@@ -284,7 +281,7 @@ def resolve_contacts(impacts: Any, contacts: Sequence[Contact], w: Matrix) -> Re
     ]
     return Resolved(
         strikes=strikes | any_of(rests) | any_of(rounding),
-        going_on=logical_not(strikes) & logical_not(settling & (approach | moved | waits)),
+        going_on=logical_not(strikes) & logical_not(settling & (approach | moved | wait)),
         impulses=pushes,
         velocities=velocities,
         active_stops=active,

@@ -344,8 +344,7 @@ def time_since(trial: Trial, e: Encounter, sought: Sought) -> Any:
         start, middle, node = e.start_force, e.motion.watched.middle, trial.node
         late = (sought.gap - middle) / (1.0 - node)
         growth = (late + (1.0 - node) * (late - (middle - start) / node)) / trial.h
-    most = minimum(sought.late * trial.left, trial.h)
-    return minimum(sought.gap / growth, most) if growth > 0.0 else 0.0
+    return minimum(sought.gap / growth, minimum(sought.late * trial.left, trial.h)) if growth > 0.0 else 0.0
 
 
 def others_near(trial: Trial, sought: Sought) -> list[Any]:

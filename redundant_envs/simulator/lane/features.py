@@ -36,7 +36,11 @@ class Features:
         self.stiction = Stiction(dynamics, travels, owners) if dynamics.slipping else NoStiction()
         self.sticking = self.stiction.joints
         of_joints = [self._stop(a, travels[a.hook.joint]) for a in impacts]
-        self.stops: tuple[stops.Impacting, ...] = (*of_joints, *self._walls())
+        walls = [
+            stops.Wall(dynamics, f"gap{k}", a.key, a.functions["function"], a.parameter(a.hook.restitution))
+            for k, a in enumerate(attached.of(Gap), start=1)
+        ]
+        self.stops: tuple[stops.Impacting, ...] = (*of_joints, *walls)
         """Boundaries that bounce: stops of joints, and walls, whose coordinates are any functions."""
         self.holding = tuple(b for b in of_joints if isinstance(b, stops.HoldingStop))
         """Stops that hold their sliders by themselves."""
@@ -108,11 +112,6 @@ class Features:
             return stops.HoldingStop(travel, a.key, bounce)
         kind = stops.Stop if self.arm.prismatic[travel.index] else stops.HingeStop
         return kind(travel, a.key, bounce, next(j for j in self.sticking if j.travel is travel))
-
-    def _walls(self) -> Iterator[stops.Wall]:
-        for k, a in enumerate(self.scene.attached.of(Gap), start=1):
-            restitution = a.parameter(a.hook.restitution)
-            yield stops.Wall(self.dynamics, f"gap{k}", a.key, a.functions["function"], restitution)
 
     def _law_changes(self) -> Iterator[boundary.LawChange]:
         for a in self.scene.attached.of(Force):

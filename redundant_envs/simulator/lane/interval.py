@@ -137,7 +137,6 @@ class Interval:
         owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
         more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
         given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
-        angles = {name for pair in arm.sincos.values() for name in pair}
         kept_alike = {name for f in arm.prepared for name in gives_of(f)}  # under the same names
-        check_names(f"{arm.kind}.functions", (given | angles) - kept_alike, owners)
+        check_names(f"{arm.kind}.functions", given.union(*arm.sincos.values()) - kept_alike, owners)
         return layout

@@ -30,8 +30,7 @@ SHORTER = 0.999
 
 def renewed(attached: Attachments) -> dict[str, str]:
     """States of effects that are updated at an instant, and the fields that say whether it has passed."""
-    every = ((field, own, a.passed) for a in attached for field, own in a.states.items())
-    return {field: passed for field, own, passed in every if INSTANT_UPDATE in own}
+    return {field: a.passed for a in attached for field, own in a.states.items() if INSTANT_UPDATE in own}
 
 
 class Whole:
@@ -238,8 +237,7 @@ class RepeatedPieces(Pieces):
     def _return_to_start(self, lane: Lane) -> None:
         """Where the interval has to be crossed again: the lane as it was before its first piece."""
         features, zero = self.features, (*self.features.counted, *self.dynamics.passed)
-        names = (*features.kept, *features.counted, "error", "piece_end", *self.dynamics.passed)
-        names = (*names, "error_carried", "shortest_step", "steps_taken")
+        names = (*features.kept, *zero, "error", "piece_end", "error_carried", "shortest_step", "steps_taken")
         after = lane.get(names)
         lane.copy(features.kept, of=features.origin)
         lane.set(zero, [0.0] * len(zero))

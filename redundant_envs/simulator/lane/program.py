@@ -224,7 +224,8 @@ class LaneProgram:
 
     def moved(self, lane: Lane) -> Found:
         lane.left, lane.elapsed = lane.left - lane.step, lane.elapsed + lane.step
-        self.note_released(lane)
+        for b in self.features.stops:
+            b.note_released(lane)
         self.note_left(lane)
         return Found.NOTHING
 
@@ -269,11 +270,6 @@ class LaneProgram:
             lane[s] = search.moved_on(time, lane[s], lane[f"{s}_slope"])
         if self.features.stiction.node is not None:
             self.features.stiction.stick(lane, before)
-
-    def note_released(self, lane: Lane, form: str = "{}") -> None:
-        """Record which coordinates leave their stops, in the state in the fields of a form."""
-        for b in self.features.stops:
-            b.note_released(lane, form)
 
     def note_left(self, lane: Lane) -> None:
         """Record that no guard has just passed 0."""
@@ -332,7 +328,8 @@ class LaneProgram:
             lane.changes = 0.0
         self.features.bounces.begin(lane)
         lane.copy(self.features.restored, of="{}_start")
-        self.note_released(lane, "{}_start")
+        for b in self.features.stops:
+            b.note_released(lane, "{}_start")
 
     def back_to(self, lane: Lane, form: str) -> None:
         """Return to the state in the fields of a form."""
