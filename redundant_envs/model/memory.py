@@ -33,9 +33,9 @@ def aligned(*shape: int) -> Array:
 
 
 def alone(method: Callable[Concatenate[Any, P], R], inner: bool = True) -> Callable[Concatenate[Any, P], R]:
-    """A method that one thread at a time may be in, of all on a ``_memory``; :class:`InUse` in another. As an
-    ``inner`` one it may be called by others. A thread is not stopped between the look at ``free`` and its
-    change: CPython switches threads at calls and loops only."""
+    """A method that may run in one thread at a time, as all of these together of one ``_memory``: another
+    thread gets :class:`InUse`. An ``inner`` one may be called by others of them. A thread is not stopped
+    between the look at ``free`` and its change: CPython switches threads at calls and loops only."""
 
     @functools.wraps(method)
     def guarded(self: Any, *args: P.args, **kwargs: P.kwargs) -> R:

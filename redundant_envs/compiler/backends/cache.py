@@ -175,8 +175,8 @@ def _opened(path: Path, flags: int) -> int:
 
 
 def _used(path: Path) -> bytes:
-    """The content of a file, and none if it is not this user's or its checksum is wrong, which tells
-    accidents: nobody else may write to the folder. This counts as a use of the file."""
+    """The content of a file; none if it is not this user's, or its checksum is wrong. That is for accidents:
+    nobody else may write to the folder. Reading counts as a use of the file."""
     data = b""
     with contextlib.suppress(OSError), open(_opened(path, os.O_RDONLY), "rb") as file:
         data = file.read()
