@@ -39,9 +39,9 @@ def verify(options: argparse.Namespace) -> int:
     from redundant_envs.verify import report
 
     if options.bits:
-        given = [name for name in ("subject", "states", "mode", "json") if getattr(options, name)]
-        if given:
-            raise ValueError(f"--bits looks at the record alone; leave out {', '.join(given)}")
+        conflicts = [name for name in ("subject", "states", "mode", "json") if getattr(options, name)]
+        if conflicts:
+            raise ValueError(f"--bits looks at the record alone; leave out {', '.join(conflicts)}")
         return report.compare_bits(options.bits == "all")
     modules = [Path(f"{word.partition(':')[0].replace('.', '/')}.py") for word in options.subject]
     check_kept(filter(None, [options.json]), options.force, [*map(Path, options.subject), *modules])
@@ -209,9 +209,9 @@ def show_scene(options: argparse.Namespace) -> None:
     if options.listing:
         say(listing(scene), end="")
     elif options.bill:
-        found = bill(scene)
-        head = ("of", *next(iter(found.values()))._fields)
-        say(table(head, ((owner, *counts) for owner, counts in found.items())))
+        counts_by_owner = bill(scene)
+        head = ("of", *next(iter(counts_by_owner.values()))._fields)
+        say(table(head, ((owner, *counts) for owner, counts in counts_by_owner.items())))
     elif options.cost:
         from redundant_envs.envs import cost
 

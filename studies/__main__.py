@@ -159,9 +159,9 @@ def accuracy(options: argparse.Namespace) -> None:
         drawn = accuracy_plots.read(study, options.redraw)
         say(*accuracy_plots.save_figures(drawn, study, options.redraw), sep="\n")
         return
-    given = [options.config] if options.config else []
-    check_kept(accuracy_report.files(options.out), options.force, given)
-    command = shlex.join(["python", "-m", "studies", "accuracy", *(f"--config={path}" for path in given)])
+    configs = [options.config] if options.config else []
+    check_kept(accuracy_report.files(options.out), options.force, configs)
+    command = shlex.join(["python", "-m", "studies", "accuracy", *(f"--config={path}" for path in configs)])
     page, *others = accuracy_report.write(study, command, options.out)
     say(page.read_text(encoding="utf-8"))
     say(page, *others, sep="\n")

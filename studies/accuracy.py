@@ -123,19 +123,19 @@ def check_reference(
 
     seconds, substeps = scene.control_dt, max(64, 2 * scene.substeps)
     other = panel.scene(seconds, integrator="rk8", substeps=substeps)
-    found = [agreement(f"rk8, {other.substeps} steps", metrics.end(other, start, seconds)[0])]
+    agreements = [agreement(f"rk8, {other.substeps} steps", metrics.end(other, start, seconds)[0])]
     rtol, stops = study.reference.scipy_rtol, metrics.stops(scene)
     if stops is not None and installed("scipy"):
         q = contact_motion(scene, few, rtol)
-        found.append(agreement(f"SciPy's DOP853 with events, rtol {rtol:.0e}", q))
+        agreements.append(agreement(f"SciPy's DOP853 with events, rtol {rtol:.0e}", q))
     elif "scipy" in panel.peers and installed("scipy"):
         q = peers.scipy_motion(scene, "DOP853", rtol, few, seconds)[0]
-        found.append(agreement(f"SciPy's DOP853, rtol {rtol:.0e}", q))
+        agreements.append(agreement(f"SciPy's DOP853, rtol {rtol:.0e}", q))
     if stops is None and "mujoco" in panel.peers and installed("mujoco"):
         dt = seconds / study.reference.mujoco_steps
         q = peers.mujoco_motion(scene, peers.mujoco_model(scene, "RK4", dt), few, seconds)[0]
-        found.append(agreement(f"MuJoCo's RK4, {1e3 * dt:.3g} ms", q))
-    return found
+        agreements.append(agreement(f"MuJoCo's RK4, {1e3 * dt:.3g} ms", q))
+    return agreements
 
 
 def interval_errors(method: Method, scene: Scene, start: States, reference: tuple[Array, Array]) -> Row:

@@ -70,8 +70,8 @@ class Panel(Model):
 
     def scene(self, control_dt: float, **stepping: Any) -> Scene:
         """The scene with the given stepping."""
-        own = {"robot": self.robot, "effects": self.effects}
-        return Scene.from_dict({**own, "control_dt": control_dt, **stepping})
+        entries = {"robot": self.robot, "effects": self.effects}
+        return Scene.from_dict({**entries, "control_dt": control_dt, **stepping})
 
     def states(self, count: int, seed: int) -> States:
         """Random states; the same for the same seed."""

@@ -61,8 +61,8 @@ class Ours:
 
     def scene(self, scene: Scene) -> Scene:
         """The scene with this stepping."""
-        own = {name: getattr(self, name) for name in ("integrator", "substeps", "tolerance")}
-        return dataclasses.replace(scene, **own)
+        stepping = {name: getattr(self, name) for name in ("integrator", "substeps", "tolerance")}
+        return dataclasses.replace(scene, **stepping)
 
     def batch(self, scene: Scene, start: States) -> BatchSimulator:
         """A simulator with these states."""

@@ -60,8 +60,8 @@ def read(study: Study, folder: Path) -> list[PanelResult]:
     for panel in study.panels:
         rows, long_rows = ([row for row in table if row["panel"] == panel.name] for table in tables)
         if not rows:
-            found = ", ".join(sorted({row["panel"] for row in tables[0]}))
-            raise ValueError(f"{folder / TABLES[0]} has no panel {panel.name!r}, only {found}")
+            panel_names = ", ".join(sorted({row["panel"] for row in tables[0]}))
+            raise ValueError(f"{folder / TABLES[0]} has no panel {panel.name!r}, only {panel_names}")
         floor = rows[0].get("floor_mm", math.nan)
         if not 0.0 <= floor < math.inf:
             raise ValueError(f"{folder / TABLES[0]} has {floor} as 'floor_mm'; write it again with the study")

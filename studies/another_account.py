@@ -59,10 +59,10 @@ class Account:
 
     def __init__(self, scene: Scene, numbers: Mapping[str, np.ndarray], commands: np.ndarray) -> None:
         self.scene, self.arm, self.B = scene, scene.robot, np.asarray(scene.robot.motor_map)
-        self.given = dict(numbers) | {"control_dt": np.full(len(commands), scene.control_dt)}
-        self.given |= {f"command{k + 1}": u for k, u in enumerate(commands.T)}
+        self.quantities = dict(numbers) | {"control_dt": np.full(len(commands), scene.control_dt)}
+        self.quantities |= {f"command{k + 1}": u for k, u in enumerate(commands.T)}
         self.acting = self.B if scene.actuation == "joint" else np.eye(len(self.B))
-        x: Any = Known(self.given)
+        x: Any = Known(self.quantities)
         self.instants = [(a, np.asarray(a.functions["after"](x))) for a in scene.attached.instants]
         self.moving = [name for a in scene.attached for name, f in a.states.items() if "derivative" in f]
         n = len(self.arm.joints)
@@ -79,7 +79,7 @@ class Account:
 
     def points(self, x, q, qd=None):
         """Point masses, (lanes,) complex each, and their Jacobians and accelerations at qdd = 0."""
-        place, found, turned, direction = 0j, [], -1, np.ones(len(q), complex)
+        place, points, turned, direction = 0j, [], -1, np.ones(len(q), complex)
         J, bias, lengths = np.zeros(q.shape, complex), 0j, 0
         for k, slides in enumerate(self.arm.prismatic):
             if slides:
@@ -93,8 +93,8 @@ class Account:
                 bias = bias - length * qd[:, turned] ** 2 * direction
                 bias = bias + 2j * qd[:, k] * qd[:, turned] * direction * slides
             place = place + length * direction
-            found.append((place, J, bias))
-        return found
+            points.append((place, J, bias))
+        return points
 
     def equations(self, known, y):
         """Mass matrix, (lanes, joints, joints), forces, rates of states of effects, and all quantities."""
@@ -179,12 +179,12 @@ class Account:
 
     def modes(self, y):
         """What the joints do, and the terms: 1 and -1 slip that way, 0 is held by friction or a stop."""
-        terms, given = self.terms(y), np.sign(y[self.rates])
-        given[[k for k in range(self.n) if k not in self.stops and k not in self.rough]] = 1.0
-        still = np.flatnonzero(given == 0.0)
-        off, best = np.inf, given
+        terms, modes = self.terms(y), np.sign(y[self.rates])
+        modes[[k for k in range(self.n) if k not in self.stops and k not in self.rough]] = 1.0
+        still = np.flatnonzero(modes == 0.0)
+        off, best = np.inf, modes
         for some in itertools.product((0.0, 1.0, -1.0), repeat=len(still)):
-            tried = given.copy()
+            tried = modes.copy()
             tried[still] = some
             here = self.contradiction(y, terms, tried, still)
             if here < off:
@@ -194,15 +194,15 @@ class Account:
     def contradiction(self, y, terms, modes, still):
         """By how much the accelerations contradict the modes of joints without a rate; 0 if they do not."""
         (W, _, _, limits), (a, push) = terms, self.moved(terms, modes)
-        found = [0.0]
+        violations = [0.0]
         for k in still:
             side = self.side(y, k)
             if modes[k] == 0.0:
                 off = W[k, k] * (self.held_by(push[k], side) - limits[k])
-                found.append(np.inf if k in self.loose else off)
+                violations.append(np.inf if k in self.loose else off)
             else:
-                found.append(np.inf if modes[k] == side else -modes[k] * a[k])
-        return max(found)
+                violations.append(np.inf if modes[k] == side else -modes[k] * a[k])
+        return max(violations)
 
     @staticmethod
     def held_by(push, side):
@@ -223,10 +223,10 @@ class Account:
                 return y, hit
             W, free, *_ = self.terms(y)
             supports = (into > SLOW) | ((abs(into) <= SLOW) & (sides * free[at] >= 0.0))
-            s, own = np.flatnonzero(supports), W[np.ix_(at, at)] * np.outer(sides, sides)
+            s, mobility = np.flatnonzero(supports), W[np.ix_(at, at)] * np.outer(sides, sides)
             bounce = np.array([self.stops[k][2] for k in at]) * np.maximum(into, 0.0)
             p = np.zeros(len(at))
-            p[s] = complementary(own[np.ix_(s, s)], (into + bounce)[s])
+            p[s] = complementary(mobility[np.ix_(s, s)], (into + bounce)[s])
             y = y.copy()
             y[self.rates] -= W[:, at] @ (sides * p)
             for i in np.flatnonzero(p > 0.0):
@@ -257,12 +257,12 @@ class Account:
             q, _ = self.motion_after(q, qd, states, error)
         except ArithmeticError:
             return np.full((1, 2), np.nan)
-        tip = self.points(self.given, q[None])[-1][0]
+        tip = self.points(self.quantities, q[None])[-1][0]
         return np.stack([tip.real, tip.imag], axis=1)
 
     def motion_after(self, q, qd, states, error):
         """Coordinates and velocities then, (joints,) each."""
-        self.given |= states
+        self.quantities |= states
         dt, t = self.scene.control_dt, 0.0
         y = np.concatenate([q[0] @ self.B, qd[0] @ self.B, *(states[name] for name in self.moving)])
         for k in self.stops:
@@ -270,7 +270,7 @@ class Account:
                 self.arrive(y, k, self.ends(k)[side > 0.0])
         for end in sorted({float(at[0]) for _, at in self.instants if 0.0 < at[0] < dt} | {dt}):
             passed = {a.passed: np.where((at >= 0.0) & (at <= t), 1.0, 0.0) for a, at in self.instants}
-            self.known = self.given | passed
+            self.known = self.quantities | passed
             y, t = self.crossed(y, t, end, error), end
         return self.motion(y)
 
@@ -299,18 +299,18 @@ class Account:
         leaving = [k for k in self.stops if modes[k] and self.side(y, k) and y[self.n + k] * a[k]]
         first = max(min([longest, *(0.25 * abs(y[self.n + k] / a[k]) for k in leaving)]), SHORTEST)
         while True:
-            found = solve_ivp(  # atol is the stricter one where a coordinate is below 1
+            solution = solve_ivp(  # atol is the stricter one where a coordinate is below 1
                 slope, (t, until), y, "DOP853", events=[e for e, _ in events], rtol=max(error, 3e-14),
                 atol=1e-2 * error, first_step=min(first, until - t), max_step=longest,
             )  # fmt: skip
-            if not found.success:
-                raise ArithmeticError(found.message)
-            time, after = float(found.t[-1]), found.y[:, -1].copy()
+            if not solution.success:
+                raise ArithmeticError(solution.message)
+            time, after = float(solution.t[-1]), solution.y[:, -1].copy()
             ends = {k: self.ends(k) for k in self.stops}
             if time == until or all(low <= after[k] <= high for k, (low, high) in ends.items()):
                 break
             until = time
-        for (_, then), times in zip(events, found.t_events, strict=True):
+        for (_, then), times in zip(events, solution.t_events, strict=True):
             if len(times):
                 then(after)
         return time, after
@@ -334,12 +334,12 @@ class Account:
         def stands(y):
             y[self.n + k] = 0.0
 
-        found = [(_event(lambda y: y[self.n + k], -modes[k]), stands)]
+        events = [(_event(lambda y: y[self.n + k], -modes[k]), stands)]
         for end, way in zip(self.ends(k), (-1.0, 1.0), strict=True):
             if np.isfinite(end):
                 beyond = _event(lambda y, end=end, way=way: way * (y[k] - end), 1.0)
-                found.append((beyond, functools.partial(self.arrive, k=k, end=end)))
-        return found
+                events.append((beyond, functools.partial(self.arrive, k=k, end=end)))
+        return events
 
 
 def contact_motion(scene, start, error):

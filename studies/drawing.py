@@ -128,8 +128,8 @@ RARE_EFFORTS = {"1e300": 1e300, "nan": np.nan, "inf": -np.inf, "denormal": 5e-32
 
 def drawn_states(scene, kinds, rng):
     """Coordinates and velocities, (lanes, joints) each, one lane of each kind."""
-    made = [drawn_state(scene, kind, rng) for kind in kinds]
-    return tuple(np.array(x) for x in zip(*made, strict=True))
+    states = [drawn_state(scene, kind, rng) for kind in kinds]
+    return tuple(np.array(x) for x in zip(*states, strict=True))
 
 
 def drawn_state(scene, kind, rng):

@@ -71,17 +71,17 @@ class DrawnFamily:
         name = [*kinds][self.number % len(kinds)]
         control_dt = float(np.round(decades(rng, 0.005, 0.2), 4))
         actuation = "generalized" if self._rng(2).random() < GENERALIZED else "joint"
-        made = None
-        while made is None:
+        scene = None
+        while scene is None:
             arm: Arm = drawing.drawn_chain(rng) if rng.random() < 0.5 else drawing.drawn_arm(rng, calm=True)
             names = [name]
             if self.number // len(kinds) % 2:
                 names.append(str(rng.choice([k for k in kinds if k not in (name, "Gravity")])))
-            made = made_scene(rng, arm, [kinds[n] for n in names], control_dt, actuation)
+            scene = made_scene(rng, arm, [kinds[n] for n in names], control_dt, actuation)
             if not MIN_SIZE <= drawing.size_of(arm) <= LARGEST_SIZE:
-                made = None
-        others = (changed(rng, made) for _ in range(20 * VARIANTS))
-        return [made, *itertools.islice((s for s in others if s is not None), VARIANTS - 1)]
+                scene = None
+        others = (changed(rng, scene) for _ in range(20 * VARIANTS))
+        return [scene, *itertools.islice((s for s in others if s is not None), VARIANTS - 1)]
 
     @property
     def name(self) -> str:
@@ -112,8 +112,8 @@ class DrawnFamily:
             spent += evaluations
             if spent > ENOUGH:
                 break
-        made = joined(drawn)
-        return chosen(made, np.arange(min(count, len(made.joints))))
+        samples = joined(drawn)
+        return chosen(samples, np.arange(min(count, len(samples.joints))))
 
     def _drawn_from(self, few: int, rng: np.random.Generator) -> tuple[LaneSamples, float]:
         """Intervals in succession from ``few`` random states, and their evaluations in all."""
@@ -138,11 +138,11 @@ class DrawnFamily:
         lanes = np.concatenate([one[-1] for one in drawn])
         q, qd, efforts, z = (np.concatenate([one[k][one[-1]] for one in drawn]) for k in range(4))
         B = self.robot.motor_map
-        made = LaneSamples(
+        samples = LaneSamples(
             q @ B, qd @ B, efforts, {name: values[lanes] for name, values in numbers.items()},
             dict(zip(scenes[0].states(), z.T, strict=True)),
         )  # fmt: skip
-        return made, spent
+        return samples, spent
 
     def tips_after(self, scene: Scene, drawn: LaneSamples) -> tuple[Array, Any]:
         """Tips after a control interval, (count, 2), m, and its status."""
@@ -157,7 +157,7 @@ class DrawnFamily:
         tips = np.broadcast_arrays(*self.robot.evaluate(["tip_x", "tip_y"], values))
         return np.stack(tips, axis=-1), status
 
-    def told(self, drawn: LaneSamples, others: Array) -> Array:
+    def account_tips(self, drawn: LaneSamples, others: Array) -> Array:
         """Tips by another account, (count, 2), m; NaN where it does not know them. Where it does not confirm
         ``others``, it has to give the same with smaller steps."""
         scene, inverse = self.scene(), np.linalg.inv(self.robot.motor_map)
@@ -165,13 +165,13 @@ class DrawnFamily:
             return np.full((len(drawn.joints), 2), np.nan)
 
         def crossed(lanes: LaneSamples, error: float) -> Array:
-            found = [np.empty((0, 2))]
+            rows = [np.empty((0, 2))]
             for k in range(len(lanes.joints)):
                 d = chosen(lanes, np.array([k]))
                 account = another_account.Account(scene, d.parameters, d.efforts)
                 tip = account.after(d.joints @ inverse, d.rates @ inverse, d.states, max(error, 1e-13))
-                found.append(tip)
-            return np.concatenate(found)
+                rows.append(tip)
+            return np.concatenate(rows)
 
         tips = crossed(drawn, 1e-4 * self.tolerance)
         (apart,) = np.nonzero(np.isfinite(tips[:, 0]) & ~agree([tips, others], self.tolerance))
@@ -220,10 +220,10 @@ def changed(rng: np.random.Generator, scene: Scene) -> Scene | None:
             dataclasses.replace(drawn_calmly(rng, type(e), other), **{n: getattr(e, n) for n in e.static})
             for e in scene.effects
         ]
-        made = dataclasses.replace(scene, robot=other, effects=tuple(effects))
+        variant = dataclasses.replace(scene, robot=other, effects=tuple(effects))
     except (TypeError, ValueError):  # delays have their numbers of intervals from the scene, and keep theirs
         return None
-    return made if made.parameters().keys() == scene.parameters().keys() else None
+    return variant if variant.parameters().keys() == scene.parameters().keys() else None
 
 
 def joined(draws: Sequence[LaneSamples]) -> LaneSamples:

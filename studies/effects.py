@@ -71,16 +71,16 @@ class Study(Model):
     def entries(self) -> dict[str, Entry]:
         """The examples of all effects of the package, with the ceilings of their pages."""
         arm, with_sliders = (cost.bare(load_scene(name)) for name in (ARM, ARM_WITH_SLIDERS))
-        found = {}
+        entries = {}
         for name, kind in OWN.items():
             example = example_of(kind)
             numbers, zero, variants = example.numbers, example.zero, example.variants
-            every = {name: numbers, **{f"{name} {k}": {**numbers, **own} for k, own in variants.items()}}
-            for (of, own), ceilings in zip(every.items(), ceilings_of(kind), strict=True):
-                effect = kind(**own)
-                nothing = kind(**{**own, **zero}) if zero and of == name else None
-                found[of] = Entry(effect, arm if _fits(effect, arm) else with_sliders, ceilings, nothing)
-        return found
+            every = {name: numbers, **{f"{name} {k}": {**numbers, **args} for k, args in variants.items()}}
+            for (of, args), ceilings in zip(every.items(), ceilings_of(kind), strict=True):
+                effect = kind(**args)
+                nothing = kind(**{**args, **zero}) if zero and of == name else None
+                entries[of] = Entry(effect, arm if _fits(effect, arm) else with_sliders, ceilings, nothing)
+        return entries
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -127,9 +127,9 @@ def run(study: Study, names: Sequence[str] = ()) -> list[dict[str, Any]]:
     ceilings = {name: e.ceilings for name, e in study.entries.items()} | dict(study.scenes)
     about, rows, pairs = versions(), [], pairs_of(study, names)
     with one_core():
-        found = cost.costs(pairs, study.lanes, study.turns, study.seconds)
+        costs = cost.costs(pairs, study.lanes, study.turns, study.seconds)
     of_accuracy = dict(zip(cost.TOLERANCES, Ceilings.model_fields, strict=True))
-    for row in found:
+    for row in costs:
         most = getattr(ceilings.get(row["of"]), of_accuracy[row["at"]], "")
         held = "" if most == "" else row["times_bare"] <= most
         rows.append({**about, "lanes": study.lanes, **row, "ceiling": most, "held": held})
@@ -140,5 +140,5 @@ def verdict(rows: Sequence[Mapping[str, Any]]) -> str:
     """A line about the ceilings."""
     judged = [row for row in rows if row["held"] != ""]
     missed = [f"{r['of']} at {r['at']} ({r['times_bare']} > {r['ceiling']})" for r in judged if not r["held"]]
-    told = f"{len(judged) - len(missed)} of {len(judged)} ceilings hold"
-    return f"{told}; not {', '.join(missed)}" if missed else told
+    line = f"{len(judged) - len(missed)} of {len(judged)} ceilings hold"
+    return f"{line}; not {', '.join(missed)}" if missed else line

@@ -100,18 +100,18 @@ def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]
     scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
     vectors: dict[str, Any] = {}
     for how, (controlled, _) in VECTORS.items():
-        own = scene if controlled else {**scene, "tolerance": None}  # one rk8 step for every control step
-        vectors[how] = gym.make_vec(name, num_envs=lanes, scene=own)
+        variant = scene if controlled else {**scene, "tolerance": None}  # one rk8 step for every control step
+        vectors[how] = gym.make_vec(name, num_envs=lanes, scene=variant)
     samplers = {how: vector_episode(env, VECTORS[how][1]) for how, env in vectors.items()}
     names = {"single": name, "baseline": BASELINE, "read": name}
     singles: dict[str, Any] = {how: gym.make(one) for how, one in names.items()}
     samplers |= {how: single_steps(env, steps, how == "read") for how, env in singles.items()}
     first_step_seconds(name)  # puts the compiled module on disk
     samplers["first"] = functools.partial(first_step_seconds, name)
-    found = by_turns(samplers, rounds, {"first": FIRST_STEPS})
+    times = by_turns(samplers, rounds, {"first": FIRST_STEPS})
     for env in (*vectors.values(), *singles.values()):
         env.close()
-    return found
+    return times
 
 
 def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str, Any]]:

@@ -109,9 +109,9 @@ def masses(drawn: LaneSamples, rng: np.random.Generator, low: float) -> None:
 def lengths(drawn: LaneSamples, rng: np.random.Generator, low: float) -> None:
     """Lengths over decades, up to a quarter of a metre, which one has in each lane."""
     shape = drawn.parameters["lengths"].shape
-    found = decades(rng, low, 0.25, shape)
-    found[np.arange(shape[0]), rng.integers(0, shape[1], shape[0])] = 0.25
-    drawn.parameters["lengths"] = found
+    values = decades(rng, low, 0.25, shape)
+    values[np.arange(shape[0]), rng.integers(0, shape[1], shape[0])] = 0.25
+    drawn.parameters["lengths"] = values
 
 
 def heavy_tip(drawn: LaneSamples, rng: np.random.Generator) -> None:

@@ -108,10 +108,10 @@ def judge_tolerances(
             if isinstance(one, DrawnFamily):
                 off = judge(tip, [best], one.tolerance, status.numerics == 0).missed
                 account = told_of(one, drawn, best, off)
-                told = np.isfinite(account[:, 0])
-                right, confirming = (np.where(told[:, None], account, x) for x in (best, other))
-                flags = np.where(told, status.numerics, flags)
-                tally.told += int(told.sum())
+                known = np.isfinite(account[:, 0])
+                right, confirming = (np.where(known[:, None], account, x) for x in (best, other))
+                flags = np.where(known, status.numerics, flags)
+                tally.told += int(known.sum())
             judged, missed, error = judge(tip, [right, confirming], one.tolerance, flags == 0)
             tally.intervals += len(tip)
             tally.judged += int(judged.sum())
@@ -134,7 +134,7 @@ def told_of(family: DrawnFamily, drawn: LaneSamples, best: Array, doubtful: NDAr
     some = np.arange(len(doubtful)) % (len(doubtful) // TOLD + 1) == 0
     tips = np.full((len(doubtful), 2), np.nan)
     (lanes,) = np.nonzero(some | (doubtful & (doubtful.cumsum() <= MAX_TOLD)))
-    tips[lanes] = family.told(chosen(drawn, lanes), best[lanes])
+    tips[lanes] = family.account_tips(chosen(drawn, lanes), best[lanes])
     return tips
 
 
@@ -169,12 +169,12 @@ def run(
     rows = []
     with contextlib.ExitStack() as stack:
         done = stack.enter_context(counted(study, count))
-        found: Iterable[list[dict[str, Any]]] = itertools.starmap(rows_of, tasks)
+        results: Iterable[list[dict[str, Any]]] = itertools.starmap(rows_of, tasks)
         if processes > 1:
             context = multiprocessing.get_context("spawn")
             pool = stack.enter_context(ProcessPoolExecutor(processes, context))
-            found = pool.map(rows_of, *zip(*tasks, strict=True))
-        for some in found:
+            results = pool.map(rows_of, *zip(*tasks, strict=True))
+        for some in results:
             rows += some
             missed = sum(one["missed"] for one in some)
             done(f"{some[0]['family']}: {missed} missed of {sum(one['judged'] for one in some)} judged")

@@ -10,10 +10,10 @@ from redundant_envs.language.algebra import clamp, physics
 from redundant_envs.robots.arm import Arm
 
 
-def on_each_joint(arm, hook, law, given, **how):
+def on_each_joint(arm, hook, law, args, **how):
     """A hook on each joint; in names of what its law is given, {k} is the joint's index, {n} its number."""
     joints = range(len(arm.joints))
-    names = [{name: at.format(k=k, n=k + 1) for name, at in given.items()} for k in joints]
+    names = [{name: at.format(k=k, n=k + 1) for name, at in args.items()} for k in joints]
     return tuple(hook(k, law, names[k], **how) for k in joints)
 
 
@@ -37,8 +37,8 @@ class SmoothFriction(Effect):
     of_joints = ("levels",)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        given = {"rate": "phid{n}", "level": ".levels[{k}]", "scale": ".scale"}
-        return on_each_joint(arm, Force, smooth_friction, given, damping=steepest_friction)
+        args = {"rate": "phid{n}", "level": ".levels[{k}]", "scale": ".scale"}
+        return on_each_joint(arm, Force, smooth_friction, args, damping=steepest_friction)
 
 
 @physics
@@ -56,8 +56,8 @@ class VelocityController(Effect):
     of_joints = ("gains", "limits")
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        given = {"command": "command{n}", "rate": "phid{n}", "gain": ".gains[{k}]", "limit": ".limits[{k}]"}
-        return on_each_joint(arm, Actuation, clipped_velocity_effort, given)
+        args = {"command": "command{n}", "rate": "phid{n}", "gain": ".gains[{k}]", "limit": ".limits[{k}]"}
+        return on_each_joint(arm, Actuation, clipped_velocity_effort, args)
 
 
 @dataclass(frozen=True)

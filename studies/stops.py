@@ -110,9 +110,9 @@ def rows_of(name: str, policy: Policy, lanes: int, repeats: int, done: Callable[
         count = min(round(share * lanes), int(touched.sum()))
         drawn = []
         for _ in range(DRAWS):
-            own = rng.choice(np.flatnonzero(touched), count, replace=False)
+            indices = rng.choice(np.flatnonzero(touched), count, replace=False)
             others, few = np.flatnonzero(~touched), lanes - count
-            chosen = np.concatenate([own, rng.choice(others, few, replace=few > len(others))])
+            chosen = np.concatenate([indices, rng.choice(others, few, replace=few > len(others))])
             rng.shuffle(chosen)
             drawn.append(measured(scene, q[chosen], qd[chosen], efforts[:, chosen], repeats))
         without, with_stops, evaluations, evaluations_with, events = np.mean(drawn, axis=0).tolist()
@@ -144,5 +144,5 @@ def run(policies: dict[str, Policy], lanes: int = 4096, repeats: int = 30) -> li
     """Time the RPRP reach scene on the states of some policies; on one core."""
     about = versions()
     with one_core(), counted("stops", len(policies) * (len(SHARES) + 1)) as done:
-        found = [row for name, p in policies.items() for row in rows_of(name, p, lanes, repeats, done)]
-    return [{**about, **row} for row in found]
+        rows = [row for name, p in policies.items() for row in rows_of(name, p, lanes, repeats, done)]
+    return [{**about, **row} for row in rows]

@@ -225,7 +225,7 @@ def run_study(
         raise ValueError(f"episodes is {episodes}; give a whole number from 2 to 1000000")
     if processes is not None:
         count_of(processes)
-    given = learner_rows(runs)
+    run_rows = learner_rows(runs)
     path = out / "strength.csv"
     check_study(out, [path.name])
     before = read_rows(path) if path.is_file() else []
@@ -240,12 +240,12 @@ def run_study(
                 rows += expert_rows(arm, factors, episodes)
                 done(arm)
         write_rows(map(dataclasses.asdict, rows), COLUMNS, path)
-    known = {(row.arm, row.factor, row.who) for row in given}
+    known = {(row.arm, row.factor, row.who) for row in run_rows}
     chosen = {name: config for name, (key, config) in trainings(factors, seeds).items() if key not in known}
     if chosen:
         train_many(chosen, out / "runs", processes)
     trained = learner_rows([out / "runs" / name for name in chosen])
-    rows = [*rows, *(row for row in (*given, *trained) if row.factor in factors)]
+    rows = [*rows, *(row for row in (*run_rows, *trained) if row.factor in factors)]
     write_rows(map(dataclasses.asdict, rows), COLUMNS, path)
     save_figure(figure(rows), out / "strength.png")
     return strength_table(rows)
@@ -254,12 +254,12 @@ def run_study(
 def strength_table(rows: Sequence[Row]) -> str:
     """Hold success in percent, a line for each arm and factor."""
     who = list(dict.fromkeys(row.who for row in rows))
-    found = {(row.arm, row.factor, row.who): row for row in rows}
+    by_key = {(row.arm, row.factor, row.who): row for row in rows}
     lines = []
     for arm, factor in dict.fromkeys((row.arm, row.factor) for row in rows):
         cells = []
         for name in who:
-            row = found.get((arm, factor, name))
+            row = by_key.get((arm, factor, name))
             more = f" ({row.seeds} seed{'s' * (row.seeds > 1)})" if row and row.seeds else ""
             cells.append(f"{100 * row.hold_success:.1f} %{more}" if row else "-")
         lines.append((arm, f"{factor:g}", *cells))
@@ -275,12 +275,12 @@ def figure(rows: Sequence[Row]) -> Any:
     handles: dict[str, Any] = {}
     for panel, arm in zip(panels, arms, strict=True):
         for who in (HOLDABLE, *COLORS):
-            own = sorted((r for r in rows if (r.arm, r.who) == (arm, who)), key=lambda row: row.factor)
-            x, y = [row.factor for row in own], [100.0 * row.hold_success for row in own]
-            if own and who == HOLDABLE:
+            curve = sorted((r for r in rows if (r.arm, r.who) == (arm, who)), key=lambda row: row.factor)
+            x, y = [row.factor for row in curve], [100.0 * row.hold_success for row in curve]
+            if curve and who == HOLDABLE:
                 handles[who] = panel.fill_between(x, 0.0, y, color=AREA, linewidth=0.0)
-            elif own:
-                low, high = ([100.0 * getattr(row, end) for row in own] for end in ("low", "high"))
+            elif curve:
+                low, high = ([100.0 * getattr(row, end) for row in curve] for end in ("low", "high"))
                 panel.fill_between(x, low, high, color=COLORS[who], alpha=0.2, linewidth=0.0)
                 look = {"color": COLORS[who], "marker": MARKERS[who], "markersize": 4.5, "linewidth": 1.8}
                 (handles[who],) = panel.plot(x, y, **look)

@@ -52,8 +52,8 @@ class Case(Model):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.tolerance is not None and self.arm != "FourR":
-            given = f"arm is {self.arm!r} and tolerance is {self.tolerance}"
-            raise ValueError(f"{given}; a tolerance needs FourR")
+            problem = f"arm is {self.arm!r} and tolerance is {self.tolerance}"
+            raise ValueError(f"{problem}; a tolerance needs FourR")
         return self
 
     @property
@@ -104,8 +104,8 @@ def filled_batch(scene: Scene, lanes: int) -> tuple[BatchSimulator, NDArray[np.f
     """A batch with random states, and masses and lengths of each lane within 10 % of the scene's; efforts."""
     rng, arm, batch = np.random.default_rng(0), scene.robot, BatchSimulator(scene, lanes)
     for name in ("masses", "lengths"):
-        own = getattr(arm, name)
-        batch.set_parameters({name: np.multiply(own, rng.uniform(0.9, 1.1, (lanes, len(own))))})
+        values = getattr(arm, name)
+        batch.set_parameters({name: np.multiply(values, rng.uniform(0.9, 1.1, (lanes, len(values))))})
     q = rng.uniform(-np.pi, np.pi, (lanes, len(arm.joints)))
     for k in arm.sliders():
         q[:, k] = rng.uniform(0.0, 0.25, lanes)
@@ -121,8 +121,8 @@ def avx2_over_avx512(make: Callable[[], tuple[BatchSimulator, Any]], turns: int)
     wide = second_call(*make())
     with llvm.target(AVX2):
         narrow = second_call(*make())
-    found = by_turns({"narrow": narrow, "wide": wide}, turns)
-    return float(np.median(found["narrow"].samples / found["wide"].samples))
+    times = by_turns({"narrow": narrow, "wide": wide}, turns)
+    return float(np.median(times["narrow"].samples / times["wide"].samples))
 
 
 def compile_seconds(scene: Scene) -> float:

@@ -18,8 +18,8 @@ def _run(words: list[str]) -> int:
         return 0
     words = take_imports(words)
     if words[:1] == ["study"]:
-        told = " ".join(("python -m studies", *words[1:]))
-        raise ValueError(f"studies are in the source tree alone; write there: {told}")
+        command_line = " ".join(("python -m studies", *words[1:]))
+        raise ValueError(f"studies are in the source tree alone; write there: {command_line}")
     from .commands import run
 
     return run(words)

@@ -146,16 +146,16 @@ def train(
         raise Stopped(f"stopped after the training; go on with: {command('report', folder)}") from None
 
 
-def to_train(given: str, overrides: Sequence[str]) -> Config:
-    config = load(given, overrides)
+def to_train(source: str, overrides: Sequence[str]) -> Config:
+    config = load(source, overrides)
     check_telemetry(config, overrides)
     return config
 
 
-def name_of(given: str, config: Config) -> str:
+def name_of(source: str, config: Config) -> str:
     """What a run is named after: its file or preset; for the file of a run, or none, its task and learner."""
-    path = Path(given)
-    if not is_override(given) and path.name != "config.yaml":
+    path = Path(source)
+    if not is_override(source) and path.name != "config.yaml":
         return path.stem
     return f"{config.env.rpartition('/')[2]}_{config.algo}"
 
@@ -163,9 +163,9 @@ def name_of(given: str, config: Config) -> str:
 def _finish(folder: Path, facts: dict[str, Any]) -> None:
     from .report import evaluate, report, summary, write_evaluation
 
-    found = evaluate(folder)
-    write_evaluation(found, folder)
-    say(summary(found.result))
+    evaluation = evaluate(folder)
+    write_evaluation(evaluation, folder)
+    say(summary(evaluation.result))
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in facts["split"].items())
     say(f"{facts['env_steps']} environment steps in {facts['train_seconds']:.0f} s: {shares}")
     say(report(folder))
@@ -222,10 +222,10 @@ def evaluate(folder: PolicyFolder, out: Out = None, force: Overwrite = False, tr
     run_folder.tell_differences([folder])
     from .report import evaluate, summary, table_of, write_evaluation
 
-    found = evaluate(folder, trust)
-    say(summary(found.result), table_of(found.result), sep="\n\n")
+    evaluation = evaluate(folder, trust)
+    say(summary(evaluation.result), table_of(evaluation.result), sep="\n\n")
     if out is not None or force:
-        write_evaluation(found, out or folder)
+        write_evaluation(evaluation, out or folder)
         say(f"written: {', '.join(run_folder.EVALUATED)} in {out or folder}")
 
 

@@ -54,16 +54,16 @@ their last episodes would be more than half of the file."""
 
 def save_policy(model: Any, path: Path) -> None:
     """Save a learner's average, which stable-baselines3 alone loads; the file is complete or unchanged."""
-    own = vars(model)
-    changed: dict[str, Any] = {k: float(own[k](1.0)) for k in NUMBERS if callable(own.get(k))}
-    changed |= {k: value for k, value in LEFT_OUT.items() if k in own}
-    kept = {k: own[k] for k in changed}
-    own.update(changed)
+    attributes = vars(model)
+    changed: dict[str, Any] = {k: float(attributes[k](1.0)) for k in NUMBERS if callable(attributes.get(k))}
+    changed |= {k: value for k, value in LEFT_OUT.items() if k in attributes}
+    originals = {k: attributes[k] for k in changed}
+    attributes.update(changed)
     try:
         with model.averaged():
             data = saved(model, exclude=("lr_schedule",))
     finally:
-        own.update(kept)
+        attributes.update(originals)
     write_bytes(path, data)
 
 
@@ -194,19 +194,19 @@ def _check_tensors(weights: Any, size: int) -> None:
             raise ValueError(f"{name!r} claims {tensor.numel()} numbers, more than the file holds")
 
 
-def check_weights(path: Path, found: Mapping[str, torch.Tensor], needed: Mapping[str, torch.Tensor]) -> None:
+def check_weights(path: Path, loaded: Mapping[str, torch.Tensor], needed: Mapping[str, torch.Tensor]) -> None:
     """Refuse tensors that are not those of a policy, or not finite."""
-    for name in sorted(needed.keys() ^ found.keys()):
+    for name in sorted(needed.keys() ^ loaded.keys()):
         verb, other = ("lacks", "asks for") if name in needed else ("has", "does not ask for")
         raise ValueError(f"{path} {verb} weights {name[:80]!r} that config.yaml {other}: is it of this run?")
     for name, tensor in needed.items():
-        own, weights = found[name], f"{path} has weights {name!r}"
-        if own.dtype != tensor.dtype:
-            raise ValueError(f"{weights} of {own.dtype}; give {tensor.dtype}")
-        if own.shape != tensor.shape:
+        actual, weights = loaded[name], f"{path} has weights {name!r}"
+        if actual.dtype != tensor.dtype:
+            raise ValueError(f"{weights} of {actual.dtype}; give {tensor.dtype}")
+        if actual.shape != tensor.shape:
             asked = f"config.yaml asks for {tuple(tensor.shape)}: is it of this run?"
-            raise ValueError(f"{weights} of shape {tuple(own.shape)}, {asked}")
-        if not torch.isfinite(own).all():
+            raise ValueError(f"{weights} of shape {tuple(actual.shape)}, {asked}")
+        if not torch.isfinite(actual).all():
             raise ValueError(f"{weights} that are not finite: the training diverged")
 
 

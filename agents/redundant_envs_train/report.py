@@ -77,27 +77,27 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
 
 def reasons(policy: Outcome, expert: Outcome | None, core: Core) -> dict[str, int | None]:
     """Counts of the goals that were missed without a fault, by what happened; None if it is unknown."""
-    found: dict[str, int | None] = dict.fromkeys(("restless", "passed", "missed_by_both"))
+    counts: dict[str, int | None] = dict.fromkeys(("restless", "passed", "missed_by_both"))
     if policy.hold is None:
-        return found
+        return counts
     if expert is not None and expert.hold is not None:
-        found["missed_by_both"] = int((~policy.hold & ~expert.hold).sum())
+        counts["missed_by_both"] = int((~policy.hold & ~expert.hold).sum())
     share = core.task.parameters().get("goal_tolerance")  # of the reach, up to which the tip is at its goal
     if policy.touch is not None and policy.distance is not None and share is not None:
         missed, at_goal = ~policy.hold & ~policy.ended, policy.distance <= share * core.reach
-        found["restless"] = int((missed & at_goal).sum())
-        found["passed"] = int((missed & policy.touch & ~at_goal).sum())
-    return found
+        counts["restless"] = int((missed & at_goal).sum())
+        counts["passed"] = int((missed & policy.touch & ~at_goal).sum())
+    return counts
 
 
-def write_evaluation(found: Evaluation, folder: Path) -> None:
+def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
     """Write evaluation.json and episodes.csv into a folder, which is made."""
     with replacing(folder / "episodes.csv") as part:
         np.savetxt(
-            part, found.episodes, delimiter=",", comments="",
+            part, evaluation.episodes, delimiter=",", comments="",
             header=",".join(EPISODES), fmt=["%d", "%g", "%g", "%.9f", "%.4f", "%g", "%.9f"],
         )  # fmt: skip
-    run_folder.write_json(folder / "evaluation.json", found.result)
+    run_folder.write_json(folder / "evaluation.json", evaluation.result)
 
 
 def held_median(times: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
@@ -118,25 +118,25 @@ COMPARED: dict[str, tuple[str, Statistic, bool]] = {
 
 def measures(who: str, outcome: Outcome | None) -> dict[str, float | None]:
     """All measures of an outcome; None for those that are unknown."""
-    found: dict[str, float | None] = {}
+    results: dict[str, float | None] = {}
     for name, (field, statistic, _) in COMPARED.items():
         values = getattr(outcome, field, None)
         value = math.nan if values is None else float(statistic(values, axis=0))
-        found[f"{who}{name}"] = None if math.isnan(value) else value
-    return found
+        results[f"{who}{name}"] = None if math.isnan(value) else value
+    return results
 
 
 def better(policy: Outcome, expert: Outcome) -> dict[str, bool | None]:
     """For each measure that both have, whether the policy is better than the expert at the same goals; None:
     no difference beyond chance. Times are compared by the medians over the goals that each has held."""
-    found: dict[str, bool | None] = {}
+    verdicts: dict[str, bool | None] = {}
     for name, (field, statistic, more) in COMPARED.items():
-        own, other = getattr(policy, field), getattr(expert, field)
-        if own is None or other is None or np.isnan([statistic(x, axis=0) for x in (own, other)]).any():
+        ours, other = getattr(policy, field), getattr(expert, field)
+        if ours is None or other is None or np.isnan([statistic(x, axis=0) for x in (ours, other)]).any():
             continue
-        known = differs(own, other, statistic)
-        found[name] = bool((statistic(own, axis=0) > statistic(other, axis=0)) == more) if known else None
-    return found
+        known = differs(ours, other, statistic)
+        verdicts[name] = bool((statistic(ours, axis=0) > statistic(other, axis=0)) == more) if known else None
+    return verdicts
 
 
 def table_of(result: Mapping[str, Any]) -> Markdown:
@@ -180,10 +180,10 @@ def misses(result: Mapping[str, Any], missed: int) -> str:
         "the tip never got there": missed - sum(known),
         f"a fault ended the episode ({faults(result)})": known[2],
     }  # fmt: skip
-    found = [text if count == missed else f"in {count} {text}" for text, count in reasons.items() if count]
+    causes = [text if count == missed else f"in {count} {text}" for text, count in reasons.items() if count]
     both = result["missed_by_both"]
     more = f" Computed torque missed {both} of them, too." if both else ""
-    return f"{head}: {', '.join(found)}.{more}"
+    return f"{head}: {', '.join(causes)}.{more}"
 
 
 def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:

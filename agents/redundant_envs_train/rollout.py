@@ -55,7 +55,7 @@ def stacked(rows: Sequence[Any]) -> Any:
     return np.stack(rows)
 
 
-def told(core: Core) -> list[str]:
+def info_names(core: Core) -> list[str]:
     """Names in ``info`` of what the task tells."""
     return [core.task.labels.get(name, name) for name in core.task.metrics]
 
@@ -90,10 +90,10 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         step += 1
     scene = env.core.scene
     per_step = scene.substeps * METHODS[scene.integrator].stages  # reported only if it varies
-    found = {name: np.array([end[name] for end in ends]) for name in told(env.core)}
+    metrics = {name: np.array([end[name] for end in ends]) for name in info_names(env.core)}
     whole = np.array([end["TimeLimit.truncated"] for end in ends])
     steps = np.array([end["episode_steps"] for end in ends])
-    hold, touch, distance = (found.pop(name, None) for name in SUCCESS)
+    hold, touch, distance = (metrics.pop(name, None) for name in SUCCESS)
     time_to_hold = None
     if hold is not None and counts_steps:  # ``held`` counts the steps before the last one
         time_to_hold = np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan)
@@ -102,7 +102,7 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         hold, touch, distance, returns,
         ended=~whole, faults=np.array([end.get("numerics", 0) for end in ends]), steps=steps,
         evaluations=np.array(evaluations), time_to_hold=time_to_hold,
-        effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1), metrics=found,
+        effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1), metrics=metrics,
     )  # fmt: skip
 
 
@@ -110,19 +110,19 @@ def recorded(spec: EnvSpec, act: Act, episodes: int, seed: int) -> Iterator[tupl
     """Run each episode once, with seed ``seed + i``, and give of each one its observations, the arrays of its
     steps, actions first, and its infos; observations and infos begin at the reset."""
 
-    def told(info: Any, actions: Any) -> dict[str, Any]:
+    def step_info(info: Any, actions: Any) -> dict[str, Any]:
         effort = np.square(np.clip(actions.astype(np.float64), -1.0, 1.0)).mean(axis=1)
         return {name: info[name] for name in SUCCESS[:1] if name in info} | {"effort": effort, "tip": env.tip}
 
     env: Any = gym.make_vec(spec, num_envs=episodes)
     obs, info = env.reset(seed=seed)
-    seen, infos, steps = [obs], [told(info, np.zeros((episodes, 1)))], list[Any]()
+    seen, infos, steps = [obs], [step_info(info, np.zeros((episodes, 1)))], list[Any]()
     lengths, open_lanes = np.zeros(episodes, np.int64), np.ones(episodes, np.bool_)
     while open_lanes.any():
         actions = act(obs, env.unwrapped.core, len(steps))
         obs, *step, info = env.step(actions)
         seen.append(obs)
-        infos.append(told(info, actions))
+        infos.append(step_info(info, actions))
         steps.append((actions, *step))
         lengths += open_lanes
         open_lanes &= ~(step[1] | step[2])

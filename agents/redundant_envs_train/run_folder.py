@@ -198,18 +198,18 @@ def write_json(path: Path, data: dict[str, Any]) -> None:
 
 def flat(data: Mapping[str, Any], where: str = "") -> dict[str, Any]:
     """Data by dotted names; a mapping that is empty, or whose keys have dots, stays one."""
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for name, value in data.items():
         inner = isinstance(value, Mapping) and value and not any("." in key for key in value)
-        found |= flat(value, f"{where}{name}.") if inner else {f"{where}{name}": value}
-    return found
+        entries |= flat(value, f"{where}{name}.") if inner else {f"{where}{name}": value}
+    return entries
 
 
 def first_difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[str, str, str] | None:
     """The first entry, by its dotted name, in which nested data differ, and both values in words."""
-    own, others = flat(one), flat(other)
-    name = next((k for k in own | others if own.get(k) != others.get(k)), None)
-    return None if name is None else (name, shown(own.get(name)), shown(others.get(name)))
+    entries, others = flat(one), flat(other)
+    name = next((k for k in entries | others if entries.get(k) != others.get(k)), None)
+    return None if name is None else (name, shown(entries.get(name)), shown(others.get(name)))
 
 
 def _read_json(path: Path, kind: type[Model], remedy: str) -> dict[str, Any]:
@@ -240,9 +240,9 @@ def with_start(config: Config) -> Config:
     with opened(policy_file(config.start_from), "start_from", MAX_PACKED) as data:
         digest = hashlib.file_digest(data, "sha256").hexdigest()
     if config.start_from_sha256 not in (None, digest):
-        found = f"start_from is {shown(config.start_from)}, whose policy.zip has the SHA-256 {digest}"
+        problem = f"start_from is {shown(config.start_from)}, whose policy.zip has the SHA-256 {digest}"
         asked = f"start_from_sha256 is {config.start_from_sha256}; give that file, or leave the hash out"
-        raise ValueError(f"{found}, and {asked}")
+        raise ValueError(f"{problem}, and {asked}")
     return config.model_copy(update={"start_from_sha256": digest})
 
 
@@ -411,9 +411,9 @@ def check_unwritten(folder: Path, files: Sequence[str], force: bool) -> None:
     check_out(folder)
     check_plain(folder)
     there = ", ".join(name for name in files if (folder / name).exists())
-    found = "an exported policy" if is_exported(folder) else f"which has {there}" if there else ""
-    if found and not force:
-        raise ValueError(f"out is {folder}, {found}; choose another --out, or add --force")
+    content = "an exported policy" if is_exported(folder) else f"which has {there}" if there else ""
+    if content and not force:
+        raise ValueError(f"out is {folder}, {content}; choose another --out, or add --force")
 
 
 def check_target(folder: Path, out: Path | None, force: bool) -> None:

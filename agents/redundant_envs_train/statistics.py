@@ -46,8 +46,8 @@ def differs(a: ArrayLike, b: ArrayLike, statistic: Statistic = np.mean) -> bool:
         return sign_test(won, lost) < CHANCE
     if len(pairs) < MIN_PAIRS:
         return False
-    found = bootstrap(pairs, RESAMPLES, SEED, statistic)
-    low, high = middle_95(found[:, 0] - found[:, 1])
+    resampled = bootstrap(pairs, RESAMPLES, SEED, statistic)
+    low, high = middle_95(resampled[:, 0] - resampled[:, 1])
     return bool(low > 0.0 or high < 0.0)
 
 

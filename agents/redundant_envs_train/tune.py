@@ -67,8 +67,8 @@ def tune(
                 with progress_bars() as bars:
                     _trials(left, *job, bars)
         except KeyboardInterrupt:
-            told = f"stopped after {ended(study)} of {trials} trials; the same command goes on"
-            raise Stopped(told) from None
+            message = f"stopped after {ended(study)} of {trials} trials; the same command goes on"
+            raise Stopped(message) from None
         return write(study, config, space, folder)
 
 
@@ -76,21 +76,21 @@ def ended(study: optuna.Study) -> int:
     return len(study.get_trials(deepcopy=False, states=ENDED))
 
 
-def opened(kept: str, name: str, config: Config) -> optuna.Study:
+def opened(storage: str, name: str, config: Config) -> optuna.Study:
     """The study of this name in a journal or a database, which may hold others."""
     try:
-        if Path(kept).exists():  # Optuna would append to any file
-            with bounded.opened(Path(kept), "journal", bounded.MAX_UNPACKED) as file:
+        if Path(storage).exists():  # Optuna would append to any file
+            with bounded.opened(Path(storage), "journal", bounded.MAX_UNPACKED) as file:
                 if (first := file.read(40)) and b'"op_code"' not in first:
                     raise ValueError("it is no journal of Optuna's")
         return optuna.create_study(
-            storage=kept if "://" in kept else JournalStorage(JournalFileBackend(kept)),
+            storage=storage if "://" in storage else JournalStorage(JournalFileBackend(storage)),
             study_name=name, load_if_exists=True, direction="maximize",
             pruner=optuna.pruners.MedianPruner(STARTUP, int(WARMUP * config.total_steps)),
         )  # fmt: skip
     except Exception as error:  # a damaged file may raise any error
         reason = " ".join(str(error).split())[:300]
-        raise ValueError(f"{kept} cannot be used ({reason}); choose another one") from error
+        raise ValueError(f"{storage} cannot be used ({reason}); choose another one") from error
 
 
 def _trials(

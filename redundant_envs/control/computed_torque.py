@@ -52,13 +52,13 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
     """The pose with the tip at the goal that loads the motors least, reached by the shortest turns; that of
     :func:`pose_at`, with its arguments, if the goal is out of reach."""
     robot, b = scene.robot, scene.robot.motor_map
-    found, _ = holding_poses(scene, goal)
-    out = np.isnan(found).any(axis=1)
-    found[out] = pose_at(scene, start[out], goal[out])
-    turns = np.round((start - found) @ b / (2.0 * np.pi))
+    poses, _ = holding_poses(scene, goal)
+    out = np.isnan(poses).any(axis=1)
+    poses[out] = pose_at(scene, start[out], goal[out])
+    turns = np.round((start - poses) @ b / (2.0 * np.pi))
     turns[:, np.array(robot.prismatic)] = 0.0
     turns[out] = 0.0
-    pose: Array = found + 2.0 * np.pi * turns @ np.linalg.inv(b)
+    pose: Array = poses + 2.0 * np.pi * turns @ np.linalg.inv(b)
     return pose
 
 
@@ -82,8 +82,8 @@ class ComputedTorque:
     ) -> None:  # fmt: skip
         self.scene, self.pose, self.duration, self.frequency = scene, pose, duration, frequency
         joints, kinds = len(scene.robot.joints), (EffortLimits, ViscousFriction, Gravity)
-        found: Any = [next((e for e in scene.effects if isinstance(e, kind)), None) for kind in kinds]
-        limits, friction, gravity = found
+        effects: Any = [next((e for e in scene.effects if isinstance(e, kind)), None) for kind in kinds]
+        limits, friction, gravity = effects
         if limits is None:
             raise ValueError("scene has no EffortLimits; the expert returns actions in their units")
         if (units := scene.action_units()) != tuple(f"{limits.key}.{name}" for name in limits.parameters()):

@@ -99,10 +99,10 @@ def effort_limits(scene: Scene) -> Array:
                 "with gravity, friction, effort limits, stops, and springs on sliders: leave this effect out"
             )
     limits = next((e.limits for e in scene.effects if isinstance(e, EffortLimits)), ())
-    given = np.atleast_1d(limits)
-    if not given.size or given.min() <= 0.0:
+    max_efforts = np.atleast_1d(limits)
+    if not max_efforts.size or max_efforts.min() <= 0.0:
         raise ValueError(f"EffortLimits.limits is {limits or None}; give positive numbers")
-    return given
+    return max_efforts
 
 
 PARAMETERS = 2  # of the poses at a goal
@@ -209,10 +209,10 @@ def _descended(
         trial[..., 2:] /= np.maximum(np.linalg.norm(trial[..., 2:], axis=-1, keepdims=True), 1.0)
         loads = load(trial, sheet[:, :, None], goals[:, None, None])
         least = loads.argmin(axis=-1)[..., None]
-        found = np.take_along_axis(loads, least, axis=-1)[..., 0]
-        better = found < best
+        min_loads = np.take_along_axis(loads, least, axis=-1)[..., 0]
+        better = min_loads < best
         x = np.where(better[..., None], np.take_along_axis(trial, least[..., None], axis=2)[:, :, 0], x)
-        best = np.where(better, found, best)
+        best = np.where(better, min_loads, best)
         step = np.minimum(step * np.where(better, WIDER, NARROWER), cell)
     return x, best
 

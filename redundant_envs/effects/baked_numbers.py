@@ -73,7 +73,7 @@ class _Maker:
             for place in self.tried(values):
                 accepted[place] += 1
         watched = {place: _Watched(value) for place, value in self.values.items()}
-        self.made(self.changed(watched, checked=False))
+        self.try_describe(self.changed(watched, checked=False))
         for place, value in self.values.items():
             near = _across([*dict.fromkeys(watched[place].seen)][:THRESHOLDS], value)
             for other in (*near, *others[place]):
@@ -86,10 +86,10 @@ class _Maker:
     def tried(self, values: Mapping[Place, Any]) -> list[Place]:
         """The numbers whose owners accept other values; ValueError if these make a difference."""
         changed = self.changed(values)
-        found = self.made([c or t for c, t in zip(changed, self.things, strict=True)])
-        if found is None:
+        description = self.try_describe([c or t for c, t in zip(changed, self.things, strict=True)])
+        if description is None:
             return []
-        if found != self.nominal:
+        if description != self.nominal:
             self.check_steady(STEADY)
             self.refuse(values)
         return [place for place in values if changed[place.owner] is not None]
@@ -98,12 +98,12 @@ class _Maker:
         """All things, with other numbers; None for one whose class checks and does not allow them."""
         changed = list(self.things)
         for o in {place.owner for place in values}:
-            own = {place.name: value for place, value in values.items() if place.owner == o}
-            fields = fields_with(self.things[o], own)
+            numbers = {place.name: value for place, value in values.items() if place.owner == o}
+            fields = fields_with(self.things[o], numbers)
             changed[o] = (_accepted if checked else with_fields)(self.things[o], **fields)
         return changed
 
-    def made(self, things: Sequence[Any]) -> Described | None:
+    def try_describe(self, things: Sequence[Any]) -> Described | None:
         """What is made of things; None if they refuse it, as one may whose numbers do not fit each other."""
         try:
             return self.described(*things)
@@ -113,12 +113,12 @@ class _Maker:
     def check_steady(self, times: int) -> None:
         """ValueError if what is made of the same numbers is not the same."""
         for _ in range(times):
-            found = self.described(*self.things)
-            if found != self.nominal:
-                raise ValueError(f"{self.name}: {self.difference(found)} {dialect.CHANGES}")
+            description = self.described(*self.things)
+            if description != self.nominal:
+                raise ValueError(f"{self.name}: {self.difference(description)} {dialect.CHANGES}")
 
-    def difference(self, found: Described) -> str:
-        return next(name for name in (*self.nominal, *found) if self.nominal.get(name) != found.get(name))
+    def difference(self, other: Described) -> str:
+        return next(name for name in (*self.nominal, *other) if self.nominal.get(name) != other.get(name))
 
     def refuse(self, values: Mapping[Place, Any]) -> None:
         """ValueError about the number on which something depends, one of those with other values; none if the
@@ -127,11 +127,11 @@ class _Maker:
             things = self.changed({place: value})
             if things[place.owner] is None:
                 things = self.changed({place: value}, checked=False)
-            found = self.made(things)
-            if found is None or found == self.nominal:
+            description = self.try_describe(things)
+            if description is None or description == self.nominal:
                 continue
-            what = self.difference(found)
-            was, shown = (d.get(what, "nothing").partition("\n")[0] for d in (self.nominal, found))
+            what = self.difference(description)
+            was, shown = (d.get(what, "nothing").partition("\n")[0] for d in (self.nominal, description))
             how = f"is {was} at {self.values[place]:.6g} and {shown} at {value:.6g}"
             if was == shown:
                 how = f"{shown} computes with the number itself"
@@ -199,25 +199,25 @@ def _others(n: int, value: Any) -> list[Any]:
     """Other numbers instead of the n-th one: nearby and far, of either sign, whole ones for a whole one."""
     base = value or 1.0 if math.isfinite(value) else math.copysign(1.0, value)
     step = 1 + n % 5
-    own = 1.0 + 0.017 * (n % 11) + 0.001 * (n % 7)  # of each number: what depends on a ratio differs, too
-    return [base + step, base - step, 2 * base, *(own * factor * base for factor in FACTORS)]
+    scale = 1.0 + 0.017 * (n % 11) + 0.001 * (n % 7)  # of each number: what depends on a ratio differs, too
+    return [base + step, base - step, 2 * base, *(scale * factor * base for factor in FACTORS)]
 
 
 def _far_apart(numbers: Mapping[Place, Any]) -> Iterator[dict[Place, Any]]:
     """Other numbers of the first owner, any two of which are once much further apart than they were, in
     either order: what compares a ratio or a difference differs."""
-    own = [place for place in numbers if place.owner == 0]
-    for bit, up in itertools.product(range((len(own) - 1).bit_length()), (0, 1)):
-        factors = (1e3 if (n >> bit) & 1 == up else 1e-3 for n in range(len(own)))
-        yield {p: f * (numbers[p] or 1.0) for p, f in zip(own, factors, strict=True)}
+    places = [place for place in numbers if place.owner == 0]
+    for bit, up in itertools.product(range((len(places) - 1).bit_length()), (0, 1)):
+        factors = (1e3 if (n >> bit) & 1 == up else 1e-3 for n in range(len(places)))
+        yield {p: f * (numbers[p] or 1.0) for p, f in zip(places, factors, strict=True)}
 
 
 def _across(seen: Sequence[float], value: float) -> list[float]:
     """Numbers at those with which a number is compared, on either side of each, and between them."""
-    found = [math.nextafter(c, to) for c in seen for to in (-math.inf, c, math.inf)]
-    found += [2.0 * c - value for c in seen]
-    found += [0.5 * (a + b) for a, b in itertools.pairwise(sorted(seen))]
-    return [x for x in found if math.isfinite(x)]
+    candidates = [math.nextafter(c, to) for c in seen for to in (-math.inf, c, math.inf)]
+    candidates += [2.0 * c - value for c in seen]
+    candidates += [0.5 * (a + b) for a, b in itertools.pairwise(sorted(seen))]
+    return [x for x in candidates if math.isfinite(x)]
 
 
 def check_effect(where: str, effect: Effect, arm: Arm) -> None:
@@ -230,8 +230,8 @@ def check_effect(where: str, effect: Effect, arm: Arm) -> None:
             f"{field!r} in 'static' if it is part of the structure and is never set"
         )
 
-    own = Owner(f"{where} ({type(effect).__name__})", effect, bind)
-    check_captured((own, Owner("the arm", arm, of_the_arm)), hooks_described)
+    owner = Owner(f"{where} ({type(effect).__name__})", effect, bind)
+    check_captured((owner, Owner("the arm", arm, of_the_arm)), hooks_described)
 
 
 def of_the_arm(name: str) -> str:
@@ -242,12 +242,12 @@ def of_the_arm(name: str) -> str:
 def hooks_described(effect: Effect, arm: Arm) -> Described:
     """Everything that a scene takes from an effect, but for its numbers."""
     hooks = effect.hooks(arm)
-    found: dict[str, Any] = {
+    properties: dict[str, Any] = {
         "the number of hooks": len(hooks), "key": effect.key, "parameters": [*effect.parameters()],
         "action_units": effect.action_units(arm),
     }  # fmt: skip
     if type(effect).travel is not Effect.travel:  # which has those of its impacts that are finite
-        found["travel"] = sorted(effect.travel(arm).items())
+        properties["travel"] = sorted(effect.travel(arm).items())
     parts: dict[str, Any] = {}
     for n, hook in enumerate(hooks):
         name = f"hook {n} ({type(hook).__name__})"
@@ -257,9 +257,9 @@ def hooks_described(effect: Effect, arm: Arm) -> Described:
             value = getattr(part, f.name)
             if isinstance(value, Mapping):
                 value = sorted(value.items())
-            found[f"{name}, {f.name}"] = [s.name for s in value] if f.name == "states" else value
+            properties[f"{name}, {f.name}"] = [s.name for s in value] if f.name == "states" else value
     described = functools.cache(function_described)
-    return {name: described(x) if callable(x) else repr(x) for name, x in found.items()}
+    return {name: described(x) if callable(x) else repr(x) for name, x in properties.items()}
 
 
 def function_described(function: Any) -> str:

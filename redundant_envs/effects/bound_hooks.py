@@ -92,8 +92,8 @@ class Attached(Generic[Kind]):
         return bool(self.law or self.guards)
 
     def guard_values(self, x: Quantities) -> tuple[Any, ...]:
-        found = self.functions["guard"](x) if self.guards else ()
-        return found if isinstance(found, tuple) else (found,)
+        values = self.functions["guard"](x) if self.guards else ()
+        return values if isinstance(values, tuple) else (values,)
 
     def settle_law(self, x: Quantities) -> None:
         """Let the quantities themselves decide which of its laws holds."""
@@ -113,18 +113,18 @@ class Attached(Generic[Kind]):
         """The field that says whether the instant of its effect has passed."""
         return f"passed_{self.key}"
 
-    def parameter(self, own: str) -> str:
+    def parameter(self, name: str) -> str:
         """Name of a parameter of its effect, which the hook names ".lower", and of its field."""
-        return f"{self.key}{own}"
+        return f"{self.key}{name}"
 
-    def number(self, own: str) -> float:
+    def number(self, name: str) -> float:
         """Nominal value of such a parameter."""
-        return self.effect.parameters()[own[1:]]
+        return self.effect.parameters()[name[1:]]
 
     def changes(self, what: str, x: Quantities) -> dict[str, Any]:
         """Results of the functions of its states that are the "derivative", the "update" at the end of an
         interval, or :data:`INSTANT_UPDATE`, by field."""
-        return {field: own[what](x) for field, own in self.states.items() if what in own}
+        return {field: functions[what](x) for field, functions in self.states.items() if what in functions}
 
 
 class EffectStates(dict[str, State]):
@@ -161,28 +161,28 @@ class Attachments(tuple[Attached[Hook], ...]):
     def to(cls, arm: Arm, effects: Sequence[Effect], controlled: bool) -> "Attachments":
         """The hooks of effects on an arm; ``controlled``: changes of laws are located."""
         every = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
-        own = {effect.key: {*effect.parameters()} for effect in effects}
+        names = {effect.key: {*effect.parameters()} for effect in effects}
         for effect, hook in every:
-            own[effect.key] |= {state.name for state in states_of(hook)}
-        attached = functools.partial(_attached, own, itertools.count(1), itertools.count(1))
-        made = cls(attached(*pair) for pair in every)
-        made.commands = commands = tuple(numbered("command{}", len(arm.joints)))
-        if controlled and (located := made._locating(arm)):
-            made = cls(attached(a.effect, a.hook, by_side=True) if a in located else a for a in made)
-            made.commands = commands
-        return made
+            names[effect.key] |= {state.name for state in states_of(hook)}
+        attached = functools.partial(_attached, names, itertools.count(1), itertools.count(1))
+        instance = cls(attached(*pair) for pair in every)
+        instance.commands = commands = tuple(numbered("command{}", len(arm.joints)))
+        if controlled and (located := instance._locating(arm)):
+            instance = cls(attached(a.effect, a.hook, by_side=True) if a in located else a for a in instance)
+            instance.commands = commands
+        return instance
 
     def _locating(self, arm: Arm) -> set[Attached[Any]]:
         """Links with another law for each side of a guard whose commands change within an interval."""
-        found: set[Attached[Any]] = set()
+        links: set[Attached[Any]] = set()
         for command, chain in self.chains.items():
             moves = False
             for link in chain:
                 if moves and link.hook.by_side is not None:
-                    found.add(link)
+                    links.add(link)
                 names = link.functions["function"].names
                 moves = any(moves if n == command else self._moves(n, arm) for n in names)
-        return found
+        return links
 
     def _moves(self, name: str, arm: Arm) -> bool:
         """Whether a quantity that a link takes changes within an interval: no number, instant or state that
@@ -227,13 +227,13 @@ class Attachments(tuple[Attached[Hook], ...]):
             name, other = f"{key}.{root}", streams.setdefault(stream_of(key, root), f"{key}.{root}")
             if other != name:
                 raise ValueError(f"the draws of {name!r} would be those of {other!r}: rename one of them")
-        made = {}
+        draws = {}
         for name, ((key, root, normal), k, draw) in taken.items():
             place = k * most[key, root, normal] + draw - 1
             if place >= MAX_DRAWS:
                 raise ValueError(f"states {root!r} of {key!r} take more than {MAX_DRAWS} draws; take fewer")
-            made[name] = Draw(stream_of(key, root), normal, place)
-        return made
+            draws[name] = Draw(stream_of(key, root), normal, place)
+        return draws
 
     @cached_property
     def chains(self) -> dict[str, list[Attached[Actuation]]]:
@@ -267,7 +267,7 @@ class Attachments(tuple[Attached[Hook], ...]):
 
     def take(self, name: str) -> bool:
         """Whether one of the functions takes a quantity."""
-        every = (bound for a in self for own in (a.functions, *a.states.values()) for bound in own.values())
+        every = (bound for a in self for laws in (a.functions, *a.states.values()) for bound in laws.values())
         return any(name in bound.names for bound in every)
 
     @cached_property
@@ -289,11 +289,11 @@ class Attachments(tuple[Attached[Hook], ...]):
         for command, chain in self.chains.items():
             if only is not None and not any(link in only for link in chain):
                 continue
-            given = x[command]
+            original = x[command]
             for link in chain:
                 yield link
                 x[command] = link.functions["function"](x)
-            x[command] = given
+            x[command] = original
 
     @cached_property
     def carried(self) -> dict[str, list[str]]:
@@ -322,10 +322,10 @@ class Attachments(tuple[Attached[Hook], ...]):
             least = np.min([values[f"m{k + 1}"] for k in range(arm.num_masses)], axis=0)
             if not slides and arm.num_lengths:
                 least = least * np.min([values[f"l{k + 1}"] for k in range(arm.num_lengths)], axis=0) ** 2
-            found, most = np.broadcast_arrays(values[name], LARGEST_RATIO * least)
-            wrong = np.flatnonzero(~((found >= 0.0) & (found <= most)))
+            inertias, most = np.broadcast_arrays(values[name], LARGEST_RATIO * least)
+            wrong = np.flatnonzero(~((inertias >= 0.0) & (inertias <= most)))
             if wrong.size:
-                inertia, allowed = found.flat[wrong[0]], most.flat[wrong[0]]
+                inertia, allowed = inertias.flat[wrong[0]], most.flat[wrong[0]]
                 raise ValueError(
                     f"{name} is {inertia:g}; give 0 to {allowed:g} {'kg' if slides else 'kg m^2'}, a million "
                     f"times the lightest mass{'' if slides else ' on the shortest link'}: rounding would "
@@ -346,14 +346,14 @@ class Attachments(tuple[Attached[Hook], ...]):
             checked = positive_numbers("masses with what effects add", masses, arm.num_masses, "kg")
             arm = dataclasses.replace(arm, masses=checked)
         self.check_inertias(arm, values)
-        found = {name: values[name] for _, name in self.inertias}
-        return with_inertias(arm, self.inertias, found) if found else arm
+        inertias = {name: values[name] for _, name in self.inertias}
+        return with_inertias(arm, self.inertias, inertias) if inertias else arm
 
 
 def field_of(fields: Iterable[Attached[Field]], x: Quantities) -> tuple[Any, Any]:
     """The sum (ax, ay) of some fields; absent without any."""
-    found = [field.functions["function"](x) for field in fields]
-    return (total(ax for ax, _ in found), total(ay for _, ay in found)) if found else (ABSENT, ABSENT)
+    vectors = [field.functions["function"](x) for field in fields]
+    return (total(ax for ax, _ in vectors), total(ay for _, ay in vectors)) if vectors else (ABSENT, ABSENT)
 
 
 DRAWN = " draws "
@@ -361,7 +361,7 @@ DRAWN = " draws "
 
 
 def _attached(
-    own: Mapping[str, set[str]], switches: Iterator[int], guards: Iterator[int], effect: Effect, hook: Any,
+    known: Mapping[str, set[str]], switches: Iterator[int], guards: Iterator[int], effect: Effect, hook: Any,
     by_side: bool = False,
 ) -> Attached[Any]:  # fmt: skip
     """A hook whose functions are bound; its boundaries get the next numbers of switches and guards. With
@@ -378,7 +378,7 @@ def _attached(
 
     def quantity(part: Any, field: str, argument: str) -> str:
         """The name of the quantity that a function of a hook or a state takes."""
-        source = hooks.source_of(argument, part, hook, own[key])
+        source = hooks.source_of(argument, part, hook, known[key])
         if laws.get(source):
             return f"side_{laws[source]}"
         if isinstance(part, State) and DRAW.fullmatch(source):  # every state has its own

@@ -25,10 +25,10 @@ def rest(seconds, control_dt):
 
 
 @functools.lru_cache(maxsize=64)
-def acting_of(kept: int) -> Callable[..., Any]:
-    """The function that chooses the command that acts: the present one, or one of those ``kept``."""
+def acting_of(count: int) -> Callable[..., Any]:
+    """The function that chooses the command that acts: the present one, or one of those ``count``."""
 
-    @physics(takes=("command", "seconds", "control_dt", "passed", *numbered("sent{}", kept)))
+    @physics(takes=("command", "seconds", "control_dt", "passed", *numbered("sent{}", count)))
     def acting(command, seconds, control_dt, passed, *sent):
         age = whole_intervals(seconds, control_dt) + 1.0 - passed
         chosen = command

@@ -80,8 +80,8 @@ def laws(depth_and_normal: Callable[..., Any]) -> dict[str, Any]:
         "function": pressing, "guard": guards, "kink": sliding_there, "potential": elastic_energy,
         "conservative": elastic,
     }  # fmt: skip
-    found = {field: at_point(depth_and_normal, law) for field, law in of_point.items()}
-    return {**found, "stiffness": identity("stiffness")}
+    functions = {field: at_point(depth_and_normal, law) for field, law in of_point.items()}
+    return {**functions, "stiffness": identity("stiffness")}
 
 
 def whole_arm(field: str, value: Any) -> bool:

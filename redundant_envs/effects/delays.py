@@ -41,14 +41,14 @@ class Delay(Effect):
 
     def at_interval(self, control_dt: float) -> "Delay":
         """The effect with as many values as a scene with this control interval keeps."""
-        made = with_fields(self, control_dt=control_dt)
-        if made.kept > MAX_KEPT:
+        delay = with_fields(self, control_dt=control_dt)
+        if delay.kept > MAX_KEPT:
             raise ValueError(
                 f"{type(self).__name__}.longest is {self.longest} s, which at a control_dt of {control_dt} s "
-                f"needs {made.kept} kept {self.values}; at most {MAX_KEPT} are: give a longest below "
+                f"needs {delay.kept} kept {self.values}; at most {MAX_KEPT} are: give a longest below "
                 f"{MAX_KEPT * control_dt:g} s, or a longer control_dt"
             )
-        return made
+        return delay
 
     @property
     def kept(self) -> int:

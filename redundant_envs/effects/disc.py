@@ -165,13 +165,13 @@ class Disc(Effect):
 def _along_links(arm: Arm) -> tuple[Hook, ...]:
     """Forces at both ends of each link. The one at the tip has the guard, that of the whole arm: two links
     touch a disc at the same instant where their common joint does."""
-    found = []
+    forces = []
     for far in range(arm.num_masses):
         bind = {f"{q}b": f"{q}{far + 1}" for q in ("x", "y", "vx", "vy")}
         if far:
             bind |= {f"{q}a": f"{q}{far}" for q in ("x", "y", "vx", "vy")}
-            found.append(Force(Point(far - 1), at_near_end, bind, stiffness=identity("stiffness")))
+            forces.append(Force(Point(far - 1), at_near_end, bind, stiffness=identity("stiffness")))
         law, turn = (at_far_end, turn_of_link) if far else (at_end_of_first, turn_of_first)
         guard = deepest_of(arm.num_masses) if far == arm.num_masses - 1 else None
-        found.append(Force(Point(far), law, bind, stiffness=identity("stiffness"), guard=guard, kink=turn))
-    return tuple(found)
+        forces.append(Force(Point(far), law, bind, stiffness=identity("stiffness"), guard=guard, kink=turn))
+    return tuple(forces)

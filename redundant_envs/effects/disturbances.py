@@ -73,10 +73,10 @@ class Disturbance(Effect):
         for part, partners in PARTS.items():
             present = getattr(self, part) is not None
             for field, default in partners.items():
-                given = getattr(self, field)
-                if given is not None and not present:
-                    raise ValueError(f"{kind}.{field} is {given} without {part}; give {part}, too")
-                if given is None and present:
+                value = getattr(self, field)
+                if value is not None and not present:
+                    raise ValueError(f"{kind}.{field} is {value} without {part}; give {part}, too")
+                if value is None and present:
                     if default is None:
                         raise ValueError(f"{kind}.{part} is given without {field}; give {field}, too")
                     object.__setattr__(self, field, default)
@@ -95,7 +95,11 @@ class Disturbance(Effect):
             tuple(State(f"wander{k}", unit, update=wandering, initial=stationary) for k in entries),
         )
         every = zip(PARTS, laws, states, strict=True)
-        return [Force(place, law, states=own) for part, law, own in every if getattr(self, part) is not None]
+        return [
+            Force(place, law, states=part_states)
+            for part, law, part_states in every
+            if getattr(self, part) is not None
+        ]
 
 
 def moderate(field: str, value: float) -> float:

@@ -348,16 +348,16 @@ OF_POINT = "x", "y", "vx", "vy"
 AXES = {"_x": "[0]", "_y": "[1]"}
 
 
-def source_of(argument: str, part: Any, hook: Any, own: Collection[str]) -> Any:
-    """What an argument of a function of a hook, or of a state of it, takes, as :class:`Effect` says; ``own``
-    has the numbers and states of the effect."""
+def source_of(argument: str, part: Any, hook: Any, names: Collection[str]) -> Any:
+    """What an argument of a function of a hook, or of a state of it, takes, as :class:`Effect` says;
+    ``names`` has the numbers and states of the effect."""
     place: Any = getattr(hook, "joint", None)
-    if argument in part.bind or argument in own:
+    if argument in part.bind or argument in names:
         return part.bind.get(argument, f".{argument}")
     of_state = "".join(part.name.partition("[")[1:]) if isinstance(part, State) else ""
     axis = f"{argument[:-2]}{AXES.get(argument[-2:])}"
     for name in (f"{argument}{of_state}", f"{argument}[{place}]", axis):
-        if name in own:
+        if name in names:
             return f".{name}"
     if isinstance(hook, Sensing) and argument == "reading":
         return hook.reading.value.format(place + 1)
@@ -401,17 +401,17 @@ class Effect:
         for name, annotation in inspect.get_annotations(cls).items():
             if hasattr(Effect, name) and "ClassVar" not in str(annotation):
                 raise ValueError(f"{cls.__name__} has a number {name!r}, as every effect has; rename it")
-            own = vars(cls).get(name)
-            declared = own.metadata.get(DECLARED) if isinstance(own, dataclasses.Field) else None
+            default = vars(cls).get(name)
+            declared = default.metadata.get(DECLARED) if isinstance(default, dataclasses.Field) else None
             if declared and declared.of_joints:
                 cls.of_joints = (*cls.of_joints, name)
 
-    def __post_init__(self, *given: Any) -> None:
+    def __post_init__(self, *args: Any) -> None:
         for name, declared in self.__declared().items():
             called = f"{type(self).__name__}.{name}"
             object.__setattr__(self, name, declared.check(called, declared.form(called, getattr(self, name))))
         if (following := getattr(super(), "__post_init__", None)) is not None:  # of another base class
-            following(*given)
+            following(*args)
 
     def __present(self) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
         """Its fields with their values, but for numbers that are left out, as their default None allows."""
@@ -420,7 +420,7 @@ class Effect:
 
     def __declared(self) -> dict[str, Declared]:
         declared = {f.name: declared_in(type(self), f.name) for f, _ in self.__present()}
-        return {name: found for name, found in declared.items() if found is not None}
+        return {name: entry for name, entry in declared.items() if entry is not None}
 
     @property
     def key(self) -> str:
@@ -435,8 +435,8 @@ class Effect:
     def fitted(self, arm: Arm) -> "Effect":
         """The effect as a scene with this arm has it: plain numbers, and one for each joint."""
         count, changed = len(arm.joints), {}
-        for f, given in self.__present():
-            value = _of_python(given, static=f.name in self.static)
+        for f, raw in self.__present():
+            value = _of_python(raw, static=f.name in self.static)
             if f.name in self.of_joints:
                 wide = hasattr(value, "__len__") and not isinstance(value, str | bytes)
                 value = tuple(value) if wide else (value,) * count
@@ -445,7 +445,7 @@ class Effect:
                         f"{type(self).__name__}.{f.name} has {len(value)} entries; {arm.kind} has {count} "
                         f"joints: give {count} numbers, or one for all"
                     )
-            if value is not given and f.init:
+            if value is not raw and f.init:
                 changed[f.name] = value
         return dataclasses.replace(self, **changed) if changed else self
 
@@ -484,26 +484,26 @@ class Effect:
     def units(self, arm: Arm) -> dict[str, str]:
         """Known units of its numbers, "field" or "field[k]" -> unit: those that are declared; of masses,
         inertias and ends of travel they follow from the hooks. An effect gives its others."""
-        found: dict[str, str] = {}
+        units: dict[str, str] = {}
         for name, declared in self.__declared().items():
             if len(declared.units) == 1:
-                found[name] = declared.units[0]
+                units[name] = declared.units[0]
             elif declared.of_joints and declared.units:
-                found |= {f"{name}[{k}]": declared.units[slides] for k, slides in enumerate(arm.prismatic)}
+                units |= {f"{name}[{k}]": declared.units[slides] for k, slides in enumerate(arm.prismatic)}
             elif isinstance(getattr(self, name), tuple):
-                found |= {f"{name}[{k}]": unit for k, unit in enumerate(declared.units)}
+                units |= {f"{name}[{k}]": unit for k, unit in enumerate(declared.units)}
             elif declared.units:
-                found[name] = declared.units[arm.prismatic[arm.joint_index(getattr(self, COORDINATE))]]
-        known, own = ({name.partition("[")[0] for name in names} for names in (found, self.parameters()))
-        for hook in self.hooks(arm) if own - known else ():
+                units[name] = declared.units[arm.prismatic[arm.joint_index(getattr(self, COORDINATE))]]
+        known, fields = ({name.partition("[")[0] for name in names} for names in (units, self.parameters()))
+        for hook in self.hooks(arm) if fields - known else ():
             if isinstance(hook, PointMass) and hook.mass[1:] in self.parameters():
-                found[hook.mass[1:]] = "kg"
+                units[hook.mass[1:]] = "kg"
             elif isinstance(hook, Inertia):
-                found[hook.inertia[1:]] = "kg" if arm.prismatic[hook.joints[0]] else "kg m^2"
+                units[hook.inertia[1:]] = "kg" if arm.prismatic[hook.joints[0]] else "kg m^2"
             elif isinstance(hook, Impact):
                 unit = "m" if arm.prismatic[hook.joint] else "rad"
-                found |= dict.fromkeys((hook.lower[1:], hook.upper[1:]), unit)
-        return found
+                units |= dict.fromkeys((hook.lower[1:], hook.upper[1:]), unit)
+        return units
 
     def parameters(self) -> dict[str, float]:
         """The effect's numbers: "field" or "field[k]" -> value."""

@@ -72,8 +72,8 @@ class JointStop(Effect):
     def _ends(self, name: str) -> tuple[float | None, ...]:
         """Checked ends of the travel of all joints; None where there is none."""
         ends, field = getattr(self, name), f"{type(self).__name__}.{name}"
-        given = ends.tolist() if hasattr(ends, "tolist") else ends
-        if not isinstance(given, Sequence) or isinstance(given, str | bytes) or not given:
+        values = ends.tolist() if hasattr(ends, "tolist") else ends
+        if not isinstance(values, Sequence) or isinstance(values, str | bytes) or not values:
             raise ValueError(f"{field} is {shown(ends)}; give a sequence of ends, or None for those without")
-        kept = [None if isinstance(end, float) and end == FREE[name] else end for end in given]
-        return tuple(None if end is None else number(f"{field}[{i}]", end) for i, end in enumerate(kept))
+        stops = [None if isinstance(end, float) and end == FREE[name] else end for end in values]
+        return tuple(None if end is None else number(f"{field}[{i}]", end) for i, end in enumerate(stops))

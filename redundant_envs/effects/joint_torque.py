@@ -52,4 +52,4 @@ class JointTorque(d.Disturbance):
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         laws = (d.step, d.periodic, identity("white"), identity("wander"))
         at_each = (self.forces(k, (f"[{k}]",), effort_unit(arm, k), laws) for k in range(len(arm.joints)))
-        return tuple(force for found in at_each for force in found)
+        return tuple(force for forces in at_each for force in forces)

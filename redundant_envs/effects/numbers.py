@@ -55,8 +55,8 @@ class Example:
 
 
 def example_of(kind: type) -> Example:
-    found = vars(kind).get("example")
-    return found if isinstance(found, Example) else Example({})
+    example = vars(kind).get("example")
+    return example if isinstance(example, Example) else Example({})
 
 
 def fields_with(thing: Any, numbers: Mapping[str, Any]) -> dict[str, Any]:
@@ -65,8 +65,8 @@ def fields_with(thing: Any, numbers: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in numbers.items():
         field, _, entry = name.partition("[")
         if entry:  # those that are no numbers, as ends without a stop, stay
-            k, kept = int(entry[:-1]), fields.get(field, getattr(thing, field))
-            fields[field] = (*kept[:k], value, *kept[k + 1 :])
+            k, entries = int(entry[:-1]), fields.get(field, getattr(thing, field))
+            fields[field] = (*entries[:k], value, *entries[k + 1 :])
         else:
             fields[field] = value
     return fields
@@ -76,9 +76,9 @@ def declared_in(kind: type, name: str) -> Declared | None:
     """What a field of an effect holds: as the class declares it, or one from which it is derived, which may
     have given the field another default."""
     for base in kind.__mro__:
-        found = vars(base).get("__dataclass_fields__", {}).get(name)
-        if found is not None and DECLARED in found.metadata:
-            declared: Declared = found.metadata[DECLARED]
+        field = vars(base).get("__dataclass_fields__", {}).get(name)
+        if field is not None and DECLARED in field.metadata:
+            declared: Declared = field.metadata[DECLARED]
             return declared
     return None
 

@@ -30,5 +30,5 @@ class Play(Effect):
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
-        kept = State(f"kept[{k}]", effort_unit(arm, k), update=pushed)
-        return Actuation(k, pushed, link=Link.DEAD_ZONE, states=(kept,))
+        state = State(f"kept[{k}]", effort_unit(arm, k), update=pushed)
+        return Actuation(k, pushed, link=Link.DEAD_ZONE, states=(state,))

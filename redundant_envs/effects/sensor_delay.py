@@ -70,5 +70,5 @@ class SensorDelay(Delay):
         for newer, name in itertools.pairwise(names):
             bind = {"newer": f".{newer}"}
             states.append(State(name, unit, update=identity("newer"), initial=now, bind=bind))
-        kept = {f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}
-        return Sensing(s.joint, delayed(self.kept), kept, s.reading, tuple(states))
+        sources = {f"kept{k + 1}": f".{name}" for k, name in enumerate(names)}
+        return Sensing(s.joint, delayed(self.kept), sources, s.reading, tuple(states))

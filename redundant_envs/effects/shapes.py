@@ -103,19 +103,19 @@ def shapes_of(
 ) -> list[Shape]:  # fmt: skip
     """Shapes of effects on an arm in a pose; ``known`` has all numbers and states of the scene, and with each
     effect are its own names of its own ones, and the names that the scene gives them."""
-    found: list[Shape] = []
+    all_shapes: list[Shape] = []
     for effect, names in effects:
-        own = {name: known[of_scene] for name, of_scene in names.items()}
-        changed = fields_with(effect, {name: own[name] for name in effect.parameters()})
-        given = with_fields(effect, **changed).shapes(Pose(arm, q, own))
-        for shape in (given,) if isinstance(given, Shape) or not isinstance(given, Iterable) else given:
+        values = {name: known[of_scene] for name, of_scene in names.items()}
+        changed = fields_with(effect, {name: values[name] for name in effect.parameters()})
+        shapes = with_fields(effect, **changed).shapes(Pose(arm, q, values))
+        for shape in (shapes,) if isinstance(shapes, Shape) or not isinstance(shapes, Iterable) else shapes:
             if not isinstance(shape, Shape):
                 raise ValueError(
                     f"{type(effect).__name__}.shapes gives {shown(shape)}; give shapes such as "
                     "redundant_envs.effects.shapes.Circle((x, y), radius)"
                 )
-            found.append(shape)
-    return found
+            all_shapes.append(shape)
+    return all_shapes
 
 
 def seen_with(shapes: Sequence[Shape], reach: float) -> float:

@@ -137,8 +137,8 @@ class Tendon(Effect):
         places = self._places(arm)
         bind = {f"position{k + 1}": f"phi{joint + 1}" for k, joint in enumerate(places)}
         bind |= {f"arm{k + 1}": f".moment_arms[{k}]" for k in range(len(places))}
-        found: list[Force] = []
+        forces: list[Force] = []
         for joint, (force, steepness) in zip(places, at_joints, strict=True):
-            potential = None if found else energy  # the first has that of all
-            found.append(Force(joint, force, bind, potential, conservative=force, stiffness=steepness))
-        return tuple(found)
+            potential = None if forces else energy  # the first has that of all
+            forces.append(Force(joint, force, bind, potential, conservative=force, stiffness=steepness))
+        return tuple(forces)

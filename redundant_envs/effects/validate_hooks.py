@@ -199,7 +199,7 @@ class _Known:
     def __init__(self, effect: Effect, arm: Arm, every: Iterable[Hook]) -> None:
         self.arm, self.is_shipped = arm, dialect.is_own(type(effect))
         self.has_instant = any(isinstance(hook, hooks.Instant) for hook in every)
-        self.own: dict[str, State | None] = dict.fromkeys(effect.parameters())
+        self.quantities: dict[str, State | None] = dict.fromkeys(effect.parameters())
         """Own numbers of the effect, and its states."""
         self.named = set[str]()
         """Those of them that hooks take."""
@@ -208,29 +208,29 @@ class _Known:
         _check_types(hook)
         for state in states_of(hook):
             name = getattr(state, "name", None)
-            if not isinstance(name, str) or not STATE_NAME.fullmatch(name) or name in self.own:
+            if not isinstance(name, str) or not STATE_NAME.fullmatch(name) or name in self.quantities:
                 raise ValueError(f"it has the state {name!r}; give a name of its own, 'name' or 'name[k]'")
-            self.own[name] = state
+            self.quantities[name] = state
 
     def check(self, hook: Hook) -> None:
         """ValueError about a hook, or one of its states."""
         _check_place(hook, self.arm)
-        numbers = [name for name, state in self.own.items() if state is None]
+        numbers = [name for name, state in self.quantities.items() if state is None]
         for field in OWN_NUMBERS:
             if hasattr(hook, field):
-                self._check_name(field, getattr(hook, field), self.own if field == "mass" else numbers)
+                self._check_name(field, getattr(hook, field), self.quantities if field == "mass" else numbers)
         for name in getattr(hook, "switch", None) or ():
             self._check_name("switch", name, numbers)
-        mass = self.own[hook.mass[1:]] if isinstance(hook, hooks.PointMass) else None
+        mass = self.quantities[hook.mass[1:]] if isinstance(hook, hooks.PointMass) else None
         if mass is not None and (mass.update is None or mass.when == "instant"):
             raise ValueError(f"the mass {mass.name!r} changes within intervals; give it an update")
         for part in (hook, *states_of(hook)):
             self._check_part(part, hook)
 
-    def _check_name(self, where: str, source: Any, own: Collection[str]) -> None:
+    def _check_name(self, where: str, source: Any, names: Collection[str]) -> None:
         """ValueError about the name of a number that the effect does not have."""
-        if not isinstance(source, str) or source[:1] != "." or source[1:] not in own:
-            valid = ", ".join(f".{name}" for name in own)
+        if not isinstance(source, str) or source[:1] != "." or source[1:] not in names:
+            valid = ", ".join(f".{name}" for name in names)
             raise ValueError(f"{where}: {source!r} is not a number of this effect; it has {valid or 'none'}")
         self.named.add(source[1:])
 
@@ -251,8 +251,8 @@ class _Known:
             if name not in takes:
                 raise ValueError(f"bind has {name!r}; its functions take {', '.join(takes) or 'nothing'}")
         for field in function_fields(type(part)):
-            given = getattr(part, field)
-            if given is not None and (field != "initial" or callable(given)):
+            value = getattr(part, field)
+            if value is not None and (field != "initial" or callable(value)):
                 self._check_function(field, rule_of(type(part), field), part, hook)
 
     def _check_function(self, field: str, rule: Rule, part: Any, hook: Hook) -> None:
@@ -294,12 +294,12 @@ class _Known:
         function, arm = getattr(part, field), self.arm
         label = f"{field} of the state {part.name!r}," if isinstance(part, State) else field
         for argument in arguments_of(function):
-            source = hooks.source_of(argument, part, hook, self.own)
+            source = hooks.source_of(argument, part, hook, self.quantities)
             where = f"{label} {name_of(function)}, argument {argument!r}"
             if not isinstance(source, str):
                 raise ValueError(f"{where}: bind gives {source!r:.80}; give a name in quotation marks")
             if source.startswith("."):
-                self._check_name(where, source, self.own)
+                self._check_name(where, source, self.quantities)
                 # Effects of the package mean their own numbers, whatever the equations of a user's arm give.
                 is_own = argument in part.bind or self.is_shipped
                 if not is_own and self._roots_of_quantity(argument, field, part, hook) is not None:
@@ -307,7 +307,7 @@ class _Known:
                         f"{where}: the effect has a number of this name, and there is a quantity of the same "
                         f"name; bind it to {source!r} or {argument!r}"
                     )
-                yield source, {source} if self.own[source[1:]] else set()
+                yield source, {source} if self.quantities[source[1:]] else set()
             elif (behind := self._roots_of_quantity(source, field, part, hook)) is not None:
                 yield source, behind
             elif DRAW.fullmatch(source):

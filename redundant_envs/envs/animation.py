@@ -88,12 +88,12 @@ class Animation:
         known: dict[str, float] = {**self._scene.parameters(), **self._scene.attached.states.initial}
         if self._z is not None:
             known |= zip(self._scene.states(), self._z[row].tolist(), strict=True)
-        found = self._drawing.surroundings(arm, self._q[row], known)
-        canvas = self._drawing.begun(found, self._farthest, BORDER)
+        surroundings = self._drawing.surroundings(arm, self._q[row], known)
+        canvas = self._drawing.begun(surroundings, self._farthest, BORDER)
         start = int(np.searchsorted(self._t, self._t[row] - TRAIL_SECONDS))
         way = np.unique(np.linspace(start, row, TRAIL_POINTS).round().astype(int))
         canvas.trail(self._tips[way], 3.0, palette.TRAIL, faint=0.1, strong=0.8)
-        self._drawing.arm(canvas, arm, self._q[row], known, found)
+        self._drawing.arm(canvas, arm, self._q[row], known, surroundings)
         for mass, point in zip(arm.masses, arm.points(self._q[row]), strict=True):  # areas show masses
             canvas.disc(point, 9.0 * np.sqrt(mass / max(arm.masses)), palette.JOINT)
         canvas.disc((0.0, 0.0), 8.0, palette.JOINT)

@@ -33,14 +33,14 @@ def numbers_of_reward(task: Task) -> list[str]:
     return [name for name in task.parameters() if name in taken]
 
 
-def check_of_reward(scene: Scene, task: Task, given: Iterable[Any]) -> None:
+def check_of_reward(scene: Scene, task: Task, names: Iterable[Any]) -> None:
     """Refuse parameters of a goal environment on which its reward depends."""
     fixed = {n for ends in (*scene.travel().values(), *(x[1:] for x in hard_stops(scene))) for n in ends}
-    kept = ("lengths", *numbers_of_reward(task))
-    for name in (n for n in given if isinstance(n, str)):
-        if name in kept or fixed & {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}:
+    frozen = ("lengths", *numbers_of_reward(task))
+    for name in (n for n in names if isinstance(n, str)):
+        if name in frozen or fixed & {p for p in scene.parameters() if p == name or p.startswith(f"{name}[")}:
             raise ValueError(
-                f"parameter is {name!r}; goal environments keep travel, {', '.join(kept)}: their reward "
+                f"parameter is {name!r}; goal environments keep travel, {', '.join(frozen)}: their reward "
                 "is a function of the two goals alone; make one with another scene= or task="
             )
 
@@ -77,16 +77,16 @@ def refuse_bad_action(actions: NDArray[np.float32]) -> None:
         )
 
 
-def episode_limit(given: Any) -> float:
+def episode_limit(max_steps: Any) -> float:
     """Control steps until truncation, from ``max_episode_steps``; None and -1 mean never."""
-    if given is None or (isinstance(given, Integral) and given == -1):
+    if max_steps is None or (isinstance(max_steps, Integral) and max_steps == -1):
         return math.inf
-    number = isinstance(given, Real) and not isinstance(given, bool)
-    if not number or not 1 <= given <= LARGEST_WHOLE or given != int(given):
+    number = isinstance(max_steps, Real) and not isinstance(max_steps, bool)
+    if not number or not 1 <= max_steps <= LARGEST_WHOLE or max_steps != int(max_steps):
         raise ValueError(
-            f"max_episode_steps is {shown(given)}; give a whole number of at least 1, or -1 for no limit"
+            f"max_episode_steps is {shown(max_steps)}; give a whole number of at least 1, or -1 for no limit"
         )
-    return float(given)
+    return float(max_steps)
 
 
 def simulated(scene: Scene, task: Task, randomize: Any) -> Scene:
@@ -104,29 +104,29 @@ def simulated(scene: Scene, task: Task, randomize: Any) -> Scene:
     return scene if randomize else dataclasses.replace(scene, randomize=None)
 
 
-def observed(scene: Scene, task: Task, given: Any) -> list[str]:
+def observed(scene: Scene, task: Task, names: Any) -> list[str]:
     """The scalar parameters that observations show after all else, from ``observe_parameters``."""
-    if isinstance(given, str | bytes | Iterator | set | frozenset) or not isinstance(given, Iterable):
+    if isinstance(names, str | bytes | Iterator | set | frozenset) or not isinstance(names, Iterable):
         raise ValueError(
-            f"observe_parameters is {shown(given)}; give names of numbers, such as ('gravity.g',)"
+            f"observe_parameters is {shown(names)}; give names of numbers, such as ('gravity.g',)"
         )
     numbers: dict[str, float] = {**scene.parameters(), **task.parameters()}
-    found: list[str] = []
-    for name in given:
+    scalars: list[str] = []
+    for name in names:
         try:
             entries = names_of(scene, name, task.parameters())
         except ValueError as error:
             raise ValueError(f"observe_parameters has an unknown name: {error}") from None
         for entry in entries:
-            if entry in found:
+            if entry in scalars:
                 raise ValueError(f"observe_parameters has {entry} twice; name it once")
             if not math.isfinite(numbers[entry]):
                 raise ValueError(
                     f"observe_parameters has {name!r}, of which {entry} is {numbers[entry]}, as where "
                     "there is no stop; observe finite numbers"
                 )
-        found += entries
-    return found
+        scalars += entries
+    return scalars
 
 
 def bounds(scene: Scene, task: Task, entries: Sequence[str]) -> list[tuple[float, float]]:

@@ -49,9 +49,9 @@ same = functools.partial(data_equivalence, exact=True)
 class BrokenRule(AssertionError):
     """A rule that an environment breaks; ``rule`` is its name."""
 
-    def __init__(self, rule: str, sentence: str, found: str) -> None:
+    def __init__(self, rule: str, sentence: str, actual: str) -> None:
         self.rule = rule
-        super().__init__(f"{rule}: {sentence}; found: {found}")
+        super().__init__(f"{rule}: {sentence}; found: {actual}")
 
 
 def check_vec_env(env: Any, seed: int = 123) -> None:
@@ -81,9 +81,9 @@ class _Check:
         self.env, self.rules, self.seed, self.n = env, rules, seed, env.num_envs
         self.returned: list[tuple[Any, Any]] = []  # with copies
 
-    def need(self, rule: str, holds: Any, found: Any) -> None:
+    def need(self, rule: str, holds: Any, actual: Any) -> None:
         if not holds:
-            raise BrokenRule(rule, self.rules[rule], _described(found))
+            raise BrokenRule(rule, self.rules[rule], _described(actual))
 
     def array(self, rule: str, value: Any, kinds: str) -> None:
         """Need a finite array (num_envs,) of a kind of dtype."""
@@ -101,9 +101,9 @@ class _Check:
 class _VectorCheck(_Check):
     def run(self) -> None:
         env, n, seed = self.env, self.n, self.seed
-        given = env.observation_space, env.action_space
+        spaces = env.observation_space, env.action_space
         expected = [batch_space(one, n) for one in (env.single_observation_space, env.single_action_space)]
-        self.need("spaces", [*given] == expected, f"{given[0]}, {given[1]}")
+        self.need("spaces", [*spaces] == expected, f"{spaces[0]}, {spaces[1]}")
         mode = env.metadata.get("autoreset_mode")
         self.need("autoreset_mode", isinstance(mode, AutoresetMode), repr(mode))
         result = env.reset(seed=seed)
@@ -175,8 +175,8 @@ class _VectorCheck(_Check):
             mask = np.arange(self.n) == lane
             before = copy.deepcopy(obs)
             after, _ = env.reset(seed=self.seed + 1, options={"reset_mask": mask})
-            kept = [same(observation_of(before, i), observation_of(after, i)) for i in range(self.n)]
-            self.need("reset_mask", kept == (~mask).tolist(), f"unchanged: {kept}, mask: {mask.tolist()}")
+            equal = [same(observation_of(before, i), observation_of(after, i)) for i in range(self.n)]
+            self.need("reset_mask", equal == (~mask).tolist(), f"unchanged: {equal}, mask: {mask.tolist()}")
 
 
 class _SB3Check(_Check):

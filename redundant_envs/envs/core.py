@@ -105,7 +105,7 @@ class Core(Copied):
         """Calls that nobody makes now: learners ask for rewards of old goals from threads of their own."""
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
         self._key_address = address(self.key_table)
-        seen = [4 * self.obs_size, *(table.itemsize for table in Outputs.made(self.columns, 1))]
+        seen = [4 * self.obs_size, *(table.itemsize for table in Outputs.allocate(self.columns, 1))]
         bytes_of_lane = [4 * len(self.actions), *seen, 0, *seen, self.key_table.strides[0], 0, 0, 0]
         self._offsets = [[part.first * LANES * size for size in bytes_of_lane] for part in self._team.parts]
         """What the arguments of each part are behind those of the first."""
@@ -154,16 +154,16 @@ class Core(Copied):
 
     def _begin_with_options(self, tables: Tables, lanes: NDArray[np.int64]) -> None:
         """Begin episodes that an autoreset has begun anew, with the options that waited for them."""
-        found = options.within(self.waiting_options, lanes)
-        if not found:
+        parts = options.within(self.waiting_options, lanes)
+        if not parts:
             return
         self.waiting_options = options.within(self.waiting_options, lanes, others=True)
         some = np.zeros(self.num_envs, np.bool_)
-        some[np.concatenate([part.lanes for part in found.values()])] = True
+        some[np.concatenate([part.lanes for part in parts.values()])] = True
         lanes = np.flatnonzero(some)
-        found = options.checked_reset(self.episode, self.memory, {}, lanes, found)
+        parts = options.checked_reset(self.episode, self.memory, {}, lanes, parts)
         self.waiting[lanes] = True  # their keys are those of the last draw
-        self.begin(some, found)
+        self.begin(some, parts)
         obs, out = self.observe()
         tables[0][lanes] = obs[lanes]
         for table, fresh, names in zip(tables[1], out, self.columns.tables.values(), strict=True):
@@ -192,21 +192,21 @@ class Core(Copied):
     def _tables(self, make: Callable[..., Any]) -> tuple[NDArray[np.float32], Outputs, list[int]]:
         """New tables for observations and outputs of all lanes, and the addresses of their whole blocks."""
         n, count = self.num_envs, self.memory.blocks * LANES
-        obs, out = make((count, self.obs_size), np.float32), Outputs.made(self.columns, count, make)
+        obs, out = make((count, self.obs_size), np.float32), Outputs.allocate(self.columns, count, make)
         places = [address(array) for array in (obs, *out)]
         return (obs, out, places) if count == n else (obs[:n], out.lanes(slice(n)), places)
 
     def begin(
-        self, lanes: NDArray[np.bool_], given: options.Given, run: Callable[[int], Any] | None = None
+        self, lanes: NDArray[np.bool_], parts: options.Given, run: Callable[[int], Any] | None = None
     ) -> None:
         """Begin new episodes in the lanes of a mask, with options that :meth:`checked` returned for some of
         them; ``run`` replaces the default way of running the kernel for all lanes. Parameters are set before
         start and goal are drawn: equal seeds and options give equal episodes."""
         run = run or self._run
         index = np.flatnonzero(lanes)
-        starts = [part for key, part in given.items() if key != options.PARAMETERS]
-        if options.PARAMETERS in given:
-            names, some, table = given[options.PARAMETERS]
+        starts = [part for key, part in parts.items() if key != options.PARAMETERS]
+        if options.PARAMETERS in parts:
+            names, some, table = parts[options.PARAMETERS]
             parameters.write(self.scene, self.memory, some, dict(zip(names, table.T, strict=True)))
         self.waiting_options = options.within(self.waiting_options, index, others=True)
         self.provide_keys(index)
@@ -225,17 +225,17 @@ class Core(Copied):
         """Observations and outputs of the present states."""
         return self._run(KernelCall.OBSERVE)[:2]
 
-    def checked(self, given: Mapping[str, Any], lanes: NDArray[np.int64]) -> options.Given:
+    def checked(self, requested: Mapping[str, Any], lanes: NDArray[np.int64]) -> options.Given:
         """Options of a reset of some lanes, with those that wait for them and are not given again."""
-        return options.checked_reset(self.episode, self.memory, given, lanes, self.waiting_options)
+        return options.checked_reset(self.episode, self.memory, requested, lanes, self.waiting_options)
 
     @alone
-    def let_wait(self, given: Mapping[str, Any], lanes: NDArray[np.int64], keep: bool = False) -> None:
+    def let_wait(self, requested: Mapping[str, Any], lanes: NDArray[np.int64], keep: bool = False) -> None:
         """Keep options for the next episodes of lanes; without any, forget those that wait."""
         waiting = self.waiting_options
-        if given:
-            found = options.checked_reset(self.episode, self.memory, given, lanes, waiting, keep)
-            self.waiting_options = options.over(waiting, found)
+        if requested:
+            parts = options.checked_reset(self.episode, self.memory, requested, lanes, waiting, keep)
+            self.waiting_options = options.over(waiting, parts)
         else:
             self.waiting_options = options.within(waiting, lanes, others=True)
 
@@ -324,15 +324,15 @@ class Core(Copied):
         dynamics = self.simulator.dynamics
         motion = (*dynamics.states, *dynamics.effect_states.updated, *dynamics.draw_fields)
         finite = (*motion, *self.task.memory, "steps")
-        kept = (*arguments.numbers_of_reward(self.task), *self.episode.randomized.numbers())
-        parameters.check_numbers("state", state, self.memory, kept, finite, self.task)
+        fixed = (*arguments.numbers_of_reward(self.task), *self.episode.randomized.numbers())
+        parameters.check_numbers("state", state, self.memory, fixed, finite, self.task)
         for name in OF_LANES:
             parameters.check_array("state", name, state[name], getattr(self, name))
-        given, kinds = state["generators"], np.random.Generator | None
-        listed = isinstance(given, list) and len(given) == self.num_envs
-        if not listed or not all(isinstance(one, kinds) for one in given):
+        generators, kinds = state["generators"], np.random.Generator | None
+        listed = isinstance(generators, list) and len(generators) == self.num_envs
+        if not listed or not all(isinstance(one, kinds) for one in generators):
             fix = f"give a list of {self.num_envs} NumPy generators or None"
-            raise ValueError(f"state['generators'] is {shown(given)}; {fix}")
+            raise ValueError(f"state['generators'] is {shown(generators)}; {fix}")
 
     @cached_property
     def _facts(self) -> str:

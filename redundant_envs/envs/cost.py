@@ -55,8 +55,8 @@ def bare(scene: Scene) -> Scene:
 def alone(arm: Scene, effect: Effect) -> Pair:
     """A bare arm with one effect more, and without it; an effect that the arm has replaces its own."""
     effects = {e.key: e for e in arm.effects}
-    own = (e for e in arm.effects if e.key != effect.key)
-    return Pair(fixed(arm, {**effects, effect.key: effect}.values()), fixed(arm, own))
+    others = (e for e in arm.effects if e.key != effect.key)
+    return Pair(fixed(arm, {**effects, effect.key: effect}.values()), fixed(arm, others))
 
 
 def parts(scene: Scene) -> dict[str, Pair]:
@@ -101,8 +101,8 @@ class Timed:
     @cached_property
     def price(self) -> tuple[int, int]:
         """Operations of a control step of a lane, and bytes of its memory, without those of a task."""
-        found = [counts for owner, counts in bill(self.batch.scene).items() if owner not in OF_ENVIRONMENT]
-        return sum(sum(counts) - counts.bytes for counts in found), sum(counts.bytes for counts in found)
+        rows = [counts for owner, counts in bill(self.batch.scene).items() if owner not in OF_ENVIRONMENT]
+        return sum(sum(counts) - counts.bytes for counts in rows), sum(counts.bytes for counts in rows)
 
 
 def observers(scene: Scene, lanes: int) -> tuple[Core, ...]:
@@ -149,19 +149,19 @@ def costs(
     with counted("cost", len(TOLERANCES) * (len(asked) + 1)) as done:
         for accuracy, tolerance in TOLERANCES.items():
             scenes = []
-            for given in asked:
-                scene = dataclasses.replace(given, integrator="rk8", substeps=1, tolerance=tolerance)
+            for original in asked:
+                scene = dataclasses.replace(original, integrator="rk8", substeps=1, tolerance=tolerance)
                 scenes.append(Timed(scene, lanes))
                 done(f"a scene at {accuracy}")
             times = by_turns({k: one.sample for k, one in enumerate(scenes)}, turns, most=most)
             done(f"{turns} turns at {accuracy}")
             ns = [one.nanoseconds(times[k]) for k, one in enumerate(scenes)]
             for name, pair in pairs.items():
-                own, without = map(asked.index, pair)
-                one, (operations, size) = scenes[own], scenes[own].price
+                full, without = map(asked.index, pair)
+                one, (operations, size) = scenes[full], scenes[full].price
                 rows.append({
-                    "at": accuracy, "of": name, "ns": round(ns[own], 1), "ns_without": round(ns[without], 1),
-                    "times_bare": round(ns[own] / ns[without], 3), "evaluations": round(one.evaluations, 2),
+                    "at": accuracy, "of": name, "ns": round(ns[full], 1), "ns_without": round(ns[without], 1),
+                    "times_bare": round(ns[full] / ns[without], 3), "evaluations": round(one.evaluations, 2),
                     "operations": operations, "bytes": size, "faults": round(one.faults, 4),
                 })  # fmt: skip
     return rows

@@ -88,7 +88,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         self._begin()
         if self.render_mode is not None:
             self._show()
-        return obs, self._lane.told(self._lane.read())[-1]
+        return obs, self._lane.unpack(self._lane.read())[-1]
 
     def _begin(self) -> None:
         self._operation = KernelCall.CHECKED_STEP if self.on_bad_action == "raise" else KernelCall.STEP
@@ -191,7 +191,7 @@ class SingleLane:
         rows: Any = np.zeros(1, kinds)
         self._buffer = memoryview(rows.view(np.uint8))
         self.outputs = Outputs(*(rows[table][0] for table in columns.tables))
-        self.read, self.told = self._telling(columns)
+        self.read, self.unpack = self._telling(columns)
         """Numbers of the last step; from these whether the episode was terminated, reward, and ``info``."""
         self._points: Callable[[], tuple[float, ...]] = self._reading(columns, (*TIP, *columns.goal))
         self._memory = core.memory
@@ -222,8 +222,8 @@ class SingleLane:
             entries.append(f"{DRAWN!r}: drawn_of(x[-{len(drawn)}:])")
         # A dict that is written out takes half the time of dict(zip(...)).
         ends = f"x[{read.index('terminated')}], x[{read.index('reward')}]"
-        told = eval(f"lambda x: ({ends}, {{{', '.join(entries)}}})", {"drawn_of": columns.drawn_of})
-        return self._reading(columns, read), told
+        unpack = eval(f"lambda x: ({ends}, {{{', '.join(entries)}}})", {"drawn_of": columns.drawn_of})
+        return self._reading(columns, read), unpack
 
     def _goals_seen(self) -> dict[str, NDArray[Any]]:
         places = np.array(self._points())
@@ -239,7 +239,7 @@ class SingleLane:
         return self._seen()
 
     def step(self, action: Any, operation: int) -> tuple[Any, Any]:
-        """One control step, by STEP or CHECKED_STEP; gives the observation, and what :attr:`told` returns."""
+        """One control step, by STEP or CHECKED_STEP; gives the observation, and what ``unpack`` returns."""
         memory = self._memory
         if self._version != memory.free or operation != self._operation:
             return self._step_otherwise(action, operation)
@@ -250,7 +250,7 @@ class SingleLane:
             except (TypeError, ValueError, BufferError):
                 self._action[:] = check_action(action, self.action.shape)
             self._call()
-            return self._seen(), self.told(self.read())
+            return self._seen(), self.unpack(self.read())
         finally:
             memory.free = self._version
 
@@ -258,4 +258,4 @@ class SingleLane:
     def _step_otherwise(self, action: Any, operation: int) -> tuple[Any, Any]:
         """The same after another operation, or with other arrays than before."""
         self._action[:] = check_action(action, self.action.shape)
-        return self.run(operation), self.told(self.read())
+        return self.run(operation), self.unpack(self.read())

@@ -72,8 +72,8 @@ class Parameter:
 class Parameters(Mapping[str, Parameter]):
     """Copies of numbers by name, in the order of arm, effects and task; ``print`` shows a table."""
 
-    def __init__(self, found: Mapping[str, Parameter]) -> None:
-        self._found = dict(found)
+    def __init__(self, by_name: Mapping[str, Parameter]) -> None:
+        self._found = dict(by_name)
 
     def __getitem__(self, name: str) -> Parameter:
         return self._found[name]
@@ -109,12 +109,12 @@ def parameters_of(core: Core) -> Parameters:
     for name in scene.parameters():
         named.setdefault(name.split("[")[0] if "." in name else OF_ARM[name[0]], []).append(name)
     named.update({name: [name] for name in task.parameters()})
-    found = {}
+    by_name = {}
     for name, entries in named.items():
         each = tuple(units.get(entry, units.get(name, "")) for entry in entries)
         value = values_of(core, entries, entries == [name])
-        found[name] = Parameter(value, each if len({*each}) > 1 else each[0])
-    return Parameters(found)
+        by_name[name] = Parameter(value, each if len({*each}) > 1 else each[0])
+    return Parameters(by_name)
 
 
 def values_of(core: Core, names: Sequence[str], single: bool) -> NDArray[np.float64]:
@@ -140,9 +140,9 @@ class EnvBase:
         """Take arguments, or refuse them before a core is made."""
         self._check_choice("on_bad_action", on_bad_action)
         self._check_choice("render_mode", render_mode)
-        for name, given in {"render_width": render_width, "render_height": render_height}.items():
-            if not MIN_SIZE <= whole_number(name, given) <= MAX_SIZE:
-                raise ValueError(f"{name} is {shown(given)} pixels; give {MIN_SIZE} to {MAX_SIZE}")
+        for name, size in {"render_width": render_width, "render_height": render_height}.items():
+            if not MIN_SIZE <= whole_number(name, size) <= MAX_SIZE:
+                raise ValueError(f"{name} is {shown(size)} pixels; give {MIN_SIZE} to {MAX_SIZE}")
         self.on_bad_action, self.render_mode = on_bad_action, render_mode
         self._size = int(render_width), int(render_height)
 
@@ -319,8 +319,8 @@ class VectorEnvBase(EnvBase):
         value = self._attribute(name)
         if name == "parameters":
             return [value.of_lane(lane) for lane in range(self.core.num_envs)]
-        own = name in LANE_VALUES or (not hasattr(self, name) and self._is_number(name))
-        return [*value] if own else [value] * self.core.num_envs
+        per_lane = name in LANE_VALUES or (not hasattr(self, name) and self._is_number(name))
+        return [*value] if per_lane else [value] * self.core.num_envs
 
     def _set_for(self, name: str, value: Any, lanes: NDArray[np.int64]) -> None:
         """Set a number of some environments, or an attribute that is there and that all of them share."""

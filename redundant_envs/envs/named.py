@@ -95,20 +95,20 @@ def info_table(scene: Scene, task: Task) -> str:
     """Keys of info: those of the environment's columns, then those of some scenes or environments only."""
     episode = environment_simulator(scene, task).episode
     assert episode is not None
-    given = ["return_*" if name.startswith("return_") else name for name in Columns(episode, ALL).names]
+    keys = ["return_*" if name.startswith("return_") else name for name in Columns(episode, ALL).names]
     meanings, only_in = texts()["info"], texts()["only_in"]
     rows = [
         (f"`{name}`", meanings.get(name, "A metric of the task."), only_in.get(name, ""))
-        for name in dict.fromkeys((*given, *only_in))
+        for name in dict.fromkeys((*keys, *only_in))
     ]
     return markdown(("Key", "Meaning", "Only in"), rows, formatted=True)
 
 
 def argument_table(kind: type[Any]) -> str:
     """Keyword arguments of the constructor with their defaults."""
-    given = {name: f"`{p.default!r}`" for name, p in inspect.signature(kind).parameters.items()}
-    given["scene"] = "of the id"
-    rows = [(f"`{name}`", default, texts()["arguments"][name]) for name, default in given.items()]
+    defaults = {name: f"`{p.default!r}`" for name, p in inspect.signature(kind).parameters.items()}
+    defaults["scene"] = "of the id"
+    rows = [(f"`{name}`", default, texts()["arguments"][name]) for name, default in defaults.items()]
     return markdown(("Parameter", "Default", "Description"), rows, formatted=True)
 
 
@@ -127,13 +127,13 @@ def task_table(task: Task) -> str:
 
 def meanings(kind: type[Any]) -> dict[str, str]:
     """What the numbers of a class mean: the "Parameters" of its docstring and of those of its bases."""
-    found: dict[str, str] = {}
+    sentences: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         text = inspect.cleandoc(base.__dict__.get("__doc__") or "")
         section = text.partition("Parameters\n----------\n")[2].partition("\n---")[0]
         for names, sentence in ENTRY.findall(section):
-            found |= dict.fromkeys(names.split(", "), " ".join(sentence.split()))
-    return found
+            sentences |= dict.fromkeys(names.split(", "), " ".join(sentence.split()))
+    return sentences
 
 
 def page(kind: type[Any], scene_name: Any) -> str:

@@ -32,25 +32,25 @@ class Part(NamedTuple):
 Given = dict[str, Part]  # options by their names, checked
 
 
-def within(given: Given, lanes: Lanes, others: bool = False) -> Given:
+def within(options: Given, lanes: Lanes, others: bool = False) -> Given:
     """What options give to these lanes, or to all ``others``."""
-    found = {}
-    for key, part in given.items():
+    parts = {}
+    for key, part in options.items():
         chosen = np.isin(part.lanes, lanes, invert=others)
         if chosen.any():
-            found[key] = Part(part.names, part.lanes[chosen], part.values[chosen])
-    return found
+            parts[key] = Part(part.names, part.lanes[chosen], part.values[chosen])
+    return parts
 
 
-def over(given: Given, more: Given) -> Given:
+def over(options: Given, more: Given) -> Given:
     """Options of which ``more`` replace others of the same name and lane."""
-    found = {**given, **more}
-    for key in given.keys() & more.keys():
-        (_, lanes, values), part = given[key], more[key]
+    merged = {**options, **more}
+    for key in options.keys() & more.keys():
+        (_, lanes, values), part = options[key], more[key]
         rest = ~np.isin(lanes, part.lanes)
         together = np.concatenate([lanes[rest], part.lanes]), np.concatenate([values[rest], part.values])
-        found[key] = Part(part.names, *together)
-    return found
+        merged[key] = Part(part.names, *together)
+    return merged
 
 
 def checked_options(options: Any) -> dict[str, Any]:
@@ -67,9 +67,9 @@ def checked_reset(
     """What options give to lanes, and what waits for these and is not given now. Parameters are set on top of
     the environment's own, or with ``keep`` of those that lanes have or wait for. ValueError if an option is
     not valid, or if no episode can begin with all of them."""
-    found = within(waiting, lanes)
-    if not options and not found:
-        return found
+    parts = within(waiting, lanes)
+    if not options and not parts:
+        return parts
     scene, task = episode.dynamics.scene, episode.task
     check_keys("options", options, OPTION_KEYS)
     numbers = options.get(PARAMETERS)
@@ -81,11 +81,11 @@ def checked_reset(
         # For each number that episodes draw, whether these options set it: it is not drawn then.
         marks = {fixed(n): np.full(len(lanes), float(n in named)) for n in episode.randomized.entries}
         if keep:
-            coming = _coming(episode, memory, lanes, found)
-            marks = {mark: np.maximum(own, coming.pop(mark)) for mark, own in marks.items()}
+            coming = _coming(episode, memory, lanes, parts)
+            marks = {mark: np.maximum(flags, coming.pop(mark)) for mark, flags in marks.items()}
             numbers = {**coming, **numbers}
         rows = parameters.lane_values(scene, memory, lanes, numbers, True, task) | marks
-        found[PARAMETERS] = Part(tuple(rows), lanes, np.stack([*rows.values()], axis=1))
+        parts[PARAMETERS] = Part(tuple(rows), lanes, np.stack([*rows.values()], axis=1))
     if options.get("goal") is not None and not episode.goal:
         raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
     starts = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
@@ -97,9 +97,9 @@ def checked_reset(
         most, largest = float(np.abs(values).max(initial=0.0)), LARGEST_START[key]
         if most > largest:
             raise ValueError(f"{where} has an entry of size {most:g}; give at most {largest:g}")
-        found[key] = Part(names, lanes, values)
-    _check_starts(episode, memory, found, lanes)
-    return found
+        parts[key] = Part(names, lanes, values)
+    _check_starts(episode, memory, parts, lanes)
+    return parts
 
 
 def _rows(lanes: Lanes, some: Lanes) -> Lanes:
@@ -108,32 +108,32 @@ def _rows(lanes: Lanes, some: Lanes) -> Lanes:
     return order[np.searchsorted(lanes, some, sorter=order)]
 
 
-def _coming(episode: Episode, memory: Memory, lanes: Lanes, given: Given) -> Table:
+def _coming(episode: Episode, memory: Memory, lanes: Lanes, options: Given) -> Table:
     """The numbers that lanes have once these options are in force."""
     of_task, marks = episode.task.parameters(), map(fixed, episode.randomized.entries)
     names = tuple(dict.fromkeys((*episode.dynamics.scene.parameters(), *of_task, *marks)))
     values = {name: column.copy() for name, column in parameters.present(memory, lanes, names).items()}
-    if PARAMETERS in given:
-        part = given[PARAMETERS]
+    if PARAMETERS in options:
+        part = options[PARAMETERS]
         for name, column in zip(part.names, part.values.T, strict=True):
             values[name][_rows(lanes, part.lanes)] = column
     return values
 
 
-def _check_starts(episode: Episode, memory: Memory, given: Given, lanes: Lanes) -> None:
+def _check_starts(episode: Episode, memory: Memory, options: Given, lanes: Lanes) -> None:
     """ValueError if a start or a goal is impossible with the numbers that lanes will have."""
-    if not {"q", "goal"} & given.keys():
+    if not {"q", "goal"} & options.keys():
         return
-    scene, coming = episode.dynamics.scene, _narrowest(episode, _coming(episode, memory, lanes, given))
+    scene, coming = episode.dynamics.scene, _narrowest(episode, _coming(episode, memory, lanes, options))
 
     def of(part: Part) -> Table:
         rows = _rows(lanes, part.lanes)
         return {name: values[rows] for name, values in coming.items()}
 
-    if "q" in given:  # beyond a spring it is allowed, beyond a stop it is not
-        parameters.check_stops(scene, given["q"].values, of(given["q"]), "options['q']: ")
-    if "goal" in given:
-        part = given["goal"]
+    if "q" in options:  # beyond a spring it is allowed, beyond a stop it is not
+        parameters.check_stops(scene, options["q"].values, of(options["q"]), "options['q']: ")
+    if "goal" in options:
+        part = options["goal"]
         radius, reach = np.linalg.norm(part.values, axis=1), reach_of(scene, of(part))
         if (radius > reach).any():
             lane = int(np.argmax(radius - reach))
@@ -146,10 +146,10 @@ def _check_starts(episode: Episode, memory: Memory, given: Given, lanes: Lanes) 
 def _narrowest(episode: Episode, values: Table) -> Table:
     """Numbers of lanes with the shortest lengths and travels that a reset may draw: a start or a goal that
     options give has to be possible in every episode."""
-    scene, found = episode.dynamics.scene, dict(values)
+    scene, narrowed = episode.dynamics.scene, dict(values)
     lowers = {lower for _, lower, _ in hard_stops(scene)}
     for entry, (low, high) in episode.randomized.ends().items():
         if entry in values:
             end = high if entry in lowers else low
-            found[entry] = np.where(values[fixed(entry)] > 0.0, values[entry], end)
-    return found
+            narrowed[entry] = np.where(values[fixed(entry)] > 0.0, values[entry], end)
+    return narrowed

@@ -32,7 +32,7 @@ class Outputs(NamedTuple):
     values: NDArray[np.float64]
 
     @classmethod
-    def made(cls, columns: "Columns", lanes: int, make: Callable[..., Any] = np.empty) -> "Outputs":
+    def allocate(cls, columns: "Columns", lanes: int, make: Callable[..., Any] = np.empty) -> "Outputs":
         flags, counts, values = columns.heights
         return cls(make((flags, lanes), np.bool_), make((counts, lanes), np.int64), make((values, lanes)))
 
@@ -52,14 +52,14 @@ class Columns:
         self.drawn = {name: len(fields) for name, fields in named.items()}
         """Numbers that every episode draws, and how many entries each has: their fields are in this order."""
         labels = {**INFO_NAMES, **episode.task.labels}
-        found = [name for name in self._places if name not in (*ENDS, *TIP, *GOAL, *episode.drawn)]
-        shown = {labels.get(name) or SUM.sub(rf"{RETURN}\1", name): name for name in found}
+        quantities = [name for name in self._places if name not in (*ENDS, *TIP, *GOAL, *episode.drawn)]
+        shown = {labels.get(name) or SUM.sub(rf"{RETURN}\1", name): name for name in quantities}
         self.names = [*shown, DRAWN] if self.drawn else [*shown]
         asked = checked_keys(info_keys, self.names)
         self.names = [name for name in self.names if name in asked]  # in info
         self.shown = {name: shown[name] for name in self.names if name != DRAWN}  # quantities of these names
         self.shows_drawn = DRAWN in asked
-        self._of_vectors = [(name, f"_{name}", *self._places[own]) for name, own in self.shown.items()]
+        self._of_vectors = [(name, f"_{name}", *self._places[field]) for name, field in self.shown.items()]
 
     def of(self, out: Outputs, name: str) -> Any:
         """A quantity of all lanes."""
@@ -77,9 +77,9 @@ class Columns:
             infos[name] = out[table][row]
             infos[masked] = mask.copy()
         if self.shows_drawn:
-            found = self.drawn_of([self.of(out, field) for field in self.drawn_fields])
-            nested = {f"_{name}": mask.copy() for name in found}  # as Gymnasium nests a dict in infos
-            infos[DRAWN], infos[f"_{DRAWN}"] = {**found, **nested}, mask.copy()
+            parameters = self.drawn_of([self.of(out, field) for field in self.drawn_fields])
+            nested = {f"_{name}": mask.copy() for name in parameters}  # as Gymnasium nests a dict in infos
+            infos[DRAWN], infos[f"_{DRAWN}"] = {**parameters, **nested}, mask.copy()
         return infos
 
     def drawn_of(self, values: Iterable[Any]) -> dict[str, Any]:
@@ -96,12 +96,12 @@ class Columns:
         """:meth:`info` of every lane."""
         rows = [self.of(out, name).tolist() for name in self.shown.values()]
         lanes = zip(*rows, strict=True) if rows else [()] * out.flags.shape[1]
-        found = [dict(zip(self.shown, values, strict=True)) for values in lanes]
+        infos = [dict(zip(self.shown, values, strict=True)) for values in lanes]
         if self.shows_drawn:
             fields = [self.of(out, field).tolist() for field in self.drawn_fields]
-            for info, values in zip(found, zip(*fields, strict=True), strict=True):
+            for info, values in zip(infos, zip(*fields, strict=True), strict=True):
                 info[DRAWN] = self.drawn_of(values)
-        return found
+        return infos
 
 
 def _together(row: list[Any]) -> Any:

@@ -106,11 +106,11 @@ def check_motors(scene: Scene) -> None:
 def _check_ids(arms: Iterable[str], tasks: Iterable[str]) -> None:
     """ValueError if an arm with a task would have the id of another arm with another task."""
     there = dict(IDS)
-    for own in itertools.starmap(Made, itertools.product(arms, tasks)):
-        other = there.setdefault(id_of(*own), own)
-        if other != own:
+    for pair in itertools.starmap(Made, itertools.product(arms, tasks)):
+        other = there.setdefault(id_of(*pair), pair)
+        if other != pair:
             raise ValueError(
-                f"{id_of(*own)} is the id of the arm {other.arm} with the task {other.task} already; rename "
+                f"{id_of(*pair)} is the id of the arm {other.arm} with the task {other.task} already; rename "
                 "the arm or the task"
             )
 

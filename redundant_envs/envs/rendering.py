@@ -231,14 +231,14 @@ def cover(text: str, height: float) -> NDArray[np.float32]:
     y = (np.arange(rows, dtype=np.float32) + np.float32(0.5))[:, None]
     nearest = np.full((rows, columns), np.inf, np.float32)
     for character in text:
-        own, strokes = GLYPHS[character]
+        glyph_width, strokes = GLYPHS[character]
         for stroke in filter(None, strokes.split(";")):
             points = [tuple(map(float, pair.split(","))) for pair in stroke.split()]
             for (ax, ay), (bx, by) in itertools.pairwise(points):
                 place = x - (left + unit * ax), y - (3.0 + unit * ay)
                 away = from_segment(*place, unit * (bx - ax), unit * (by - ay))
                 np.minimum(nearest, away, out=nearest)
-        left += unit * (own + GAP)
+        left += unit * (glyph_width + GAP)
     result = np.clip(np.float32(0.5 + 0.5 * STROKE * unit) - nearest, 0.0, 1.0)
     result.setflags(write=False)
     return result
@@ -341,19 +341,19 @@ class Drawing:
 
     def surroundings(self, arm: Arm, q: Points, known: Mapping[str, float]) -> list[shapes.Shape]:
         """What effects show, from all numbers and states of the scene by name."""
-        found = shapes.shapes_of(self._shown, arm, q, known)
+        scenery = shapes.shapes_of(self._shown, arm, q, known)
         if self._masses:
             points = shapes.Pose(arm, q, {}).points
-            found += [shapes.Load(points[n], known[name]) for n, name in self._masses if known[name] > 0.0]
-        return found
+            scenery += [shapes.Load(points[n], known[name]) for n, name in self._masses if known[name] > 0.0]
+        return scenery
 
     def begun(
-        self, found: Sequence[shapes.Shape], reach: float, border: float = BORDER, least: float = 0.0
+        self, scenery: Sequence[shapes.Shape], reach: float, border: float = BORDER, least: float = 0.0
     ) -> Canvas:
         """A canvas for an arm of a reach, with ground, obstacles and the reach; it shows ``least`` [m] around
         the base at least."""
-        half_width = border * (max(shapes.seen_with(found, reach), least) or 1.0)
-        behind = tuple(x for x in found if isinstance(x, shapes.Circle | shapes.HalfPlane))
+        half_width = border * (max(shapes.seen_with(scenery, reach), least) or 1.0)
+        behind = tuple(x for x in scenery if isinstance(x, shapes.Circle | shapes.HalfPlane))
         made_for = (half_width, reach, behind)
         if self._background[0] != made_for:
             canvas = Canvas(half_width, self._empty.copy())
@@ -366,20 +366,20 @@ class Drawing:
                 canvas.disc(circle.centre, radius, palette.EDGE, ring=2.4)
             self._background = made_for, canvas.pixels
         canvas = Canvas(half_width, self._background[1].copy())
-        if moved := [x.displacement for x in found if isinstance(x, shapes.Ground)]:
+        if moved := [x.displacement for x in scenery if isinstance(x, shapes.Ground)]:
             canvas.grid(-np.sum(moved, axis=0), GROUND * reach, 4.0, palette.GRID)
         return canvas
 
     def arm(
-        self, canvas: Canvas, arm: Arm, q: Points, known: Mapping[str, float], found: Sequence[shapes.Shape]
+        self, canvas: Canvas, arm: Arm, q: Points, known: Mapping[str, float], scenery: Sequence[shapes.Shape]
     ) -> None:
         """The arm with the ends of its travel, and its cables and loads."""
         draw_links(canvas, shapes.Pose(arm, q, {}), stated_limits(self.scene, known))
-        for line in (x for x in found if isinstance(x, shapes.Line)):
+        for line in (x for x in scenery if isinstance(x, shapes.Line)):
             for a, b in itertools.pairwise(line.points):
                 canvas.capsule(a, b, 3.0, palette.CABLE if line.taut else palette.SLACK)
         held: dict[Pair, float] = {}
-        for load in (x for x in found if isinstance(x, shapes.Load)):
+        for load in (x for x in scenery if isinstance(x, shapes.Load)):
             total = held.get(load.place, 0.0) + load.mass
             if load.held:
                 held[load.place] = total
@@ -473,11 +473,11 @@ class Renderer:
         tip, base = own_arm.forward_kinematics(q), (0.0, 0.0)
         if not np.isfinite(reach):  # of an arm with a slider without an end
             reach = float(np.hypot(*tip))
-        found = self._drawing.surroundings(own_arm, q, known)
+        scenery = self._drawing.surroundings(own_arm, q, known)
         # Environments with other lengths are drawn to the same scale, unless theirs are larger.
-        canvas = self._drawing.begun(found, reach, least=core.reach if np.isfinite(core.reach) else 0.0)
+        canvas = self._drawing.begun(scenery, reach, least=core.reach if np.isfinite(core.reach) else 0.0)
         canvas.trail(self.trail(lane), 3.0, palette.TRAIL, faint=0.15, strong=0.9)
-        self._drawing.arm(canvas, own_arm, q, known, found)
+        self._drawing.arm(canvas, own_arm, q, known, scenery)
         canvas.disc(base, 9.0, palette.JOINT)
         canvas.disc(base, 4.0, palette.BACKGROUND)
         canvas.disc(tip, 6.5, palette.TRAIL)

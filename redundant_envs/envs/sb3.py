@@ -161,8 +161,8 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")
     spec = gym.spec(full)
     arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
-    own = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
+    options = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
     task = make_task(arguments.pop("task", None), IDS[full].task)
     arguments["info_keys"] = ALL if arguments.get("info_keys") is None else arguments["info_keys"]
     core = Core(**arguments, num_envs=num_envs, task=task, env_id=full, autoreset=Autoreset.SAME_STEP)
-    return SB3VecEnv(core, **own, monitor=monitor)
+    return SB3VecEnv(core, **options, monitor=monitor)

@@ -74,8 +74,8 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
             gives "parameters" again ({} returns to the own ones).
         """
         options = checked_options(options)
-        given = options.pop("reset_mask", None)
-        mask = np.ones(self.num_envs, dtype=np.bool_) if given is None else np.array(given)
+        reset_mask = options.pop("reset_mask", None)
+        mask = np.ones(self.num_envs, dtype=np.bool_) if reset_mask is None else np.array(reset_mask)
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
             raise ValueError(
                 f"options['reset_mask'] has shape {mask.shape} and dtype {mask.dtype}; "

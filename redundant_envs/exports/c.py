@@ -28,8 +28,8 @@ def c_code(scene: Scene, heading: Heading, approximate: bool) -> Document:
         f"commands: of the motors [{', '.join(smooth.command_units())}]; qdd: the second derivatives of q.",
     ]
     comment = "\n   ".join(heading.lines(about, notes)).replace("*/", "* /").replace("/*", "/ *")
-    given = ", ".join(f"const double {name}[{n}]" for name in INPUTS)
-    head = f"void {identifier(heading.function)}_accelerations({given}, double qdd[{n}])"
+    inputs = ", ".join(f"const double {name}[{n}]" for name in INPUTS)
+    head = f"void {identifier(heading.function)}_accelerations({inputs}, double qdd[{n}])"
     attached = (bound.function for a in smooth.attached for bound in a.functions.values())
     named = {getattr(f, "__name__", "") for f in (*scene.robot.functions, *attached)}
     used = {operation.extra[0] for operation in reached(results) if operation.name == "load"}

@@ -47,12 +47,12 @@ def _function(scene: Scene, approximate: bool) -> tuple[Any, list[Note]]:
     inputs = {name: ca.SX.sym(name, n) for name in INPUTS}
     values = equations(smooth, *OUTPUTS)
     flat = [value for name in OUTPUTS for value in values[name]]
-    found = iter(evaluate(flat, lambda place: inputs[place[0]][place[1]], {**OPERATIONS, **ON_CONDITIONS}))
-    made = []
+    entries = iter(evaluate(flat, lambda place: inputs[place[0]][place[1]], {**OPERATIONS, **ON_CONDITIONS}))
+    outputs = []
     for name in OUTPUTS:
-        column = ca.vertcat(*[ca.SX(next(found)) for _ in values[name]])
-        made.append(ca.reshape(column, n, -1).T if name in ("M", "J") else column)
-    return ca.Function("dynamics", [*inputs.values()], made, [*INPUTS], [*OUTPUTS]), notes
+        column = ca.vertcat(*[ca.SX(next(entries)) for _ in values[name]])
+        outputs.append(ca.reshape(column, n, -1).T if name in ("M", "J") else column)
+    return ca.Function("dynamics", [*inputs.values()], outputs, [*INPUTS], [*OUTPUTS]), notes
 
 
 def serialised(scene: Scene, heading: Heading, approximate: bool) -> Document:

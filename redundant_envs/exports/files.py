@@ -43,9 +43,9 @@ class Heading(NamedTuple):
 
     def lines(self, about: Sequence[str], notes: Sequence[Note]) -> list[str]:
         """The head of a file, line by line."""
-        made = [f"Made by redundant-envs {__version__} from {plain(self.scene)}.", *about]
-        made += ["Numbers that episodes draw have their nominal values."] if self.drawn else []
-        return [*made, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
+        lines = [f"Made by redundant-envs {__version__} from {plain(self.scene)}.", *about]
+        lines += ["Numbers that episodes draw have their nominal values."] if self.drawn else []
+        return [*lines, *(["Approximate:", *(f"  {note}" for note in notes)] if notes else [])]
 
 
 PYBULLET = "PyBullet takes moments of inertia from it only with flags=URDF_USE_INERTIA_FROM_FILE."
@@ -120,6 +120,6 @@ def document(
 def write(scene: Scene, form: str, path: Path, approximate: bool = False, name: str = "") -> Sequence[Note]:
     """Write the same to a file, whose folder is made, and return what it leaves out. OSError if that cannot
     be done. The function of a C file is called by the file."""
-    made = document(scene, form, approximate, name, path.stem)
-    write_bytes(path, made.content if isinstance(made.content, bytes) else made.content.encode())
-    return made.notes
+    output = document(scene, form, approximate, name, path.stem)
+    write_bytes(path, output.content if isinstance(output.content, bytes) else output.content.encode())
+    return output.notes

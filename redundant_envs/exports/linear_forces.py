@@ -37,7 +37,7 @@ def linear_forces(scene: Scene, numbers: Mapping[str, float]) -> dict[Attached[F
     """The forces of a scene that are linear in the position and the rate of their own joint alone."""
     n = len(scene.robot.joints)
     at_rest = {**numbers, **_motion(scene.robot, [0.0] * 2 * n)}
-    found = {}
+    forces = {}
     for a in scene.attached.of(Force):
         if a.has_laws or states_of(a.hook) or not isinstance(a.hook.joint, int):
             continue
@@ -47,11 +47,11 @@ def linear_forces(scene: Scene, numbers: Mapping[str, float]) -> dict[Attached[F
             slopes = [_slope(scene.robot, force, numbers, k) for k in range(2 * n)]
         except (ValueError, TypeError, ZeroDivisionError):
             continue
-        own = a.hook.joint, n + a.hook.joint
-        others = [slope for k, slope in enumerate(slopes) if k not in own]
+        indices = a.hook.joint, n + a.hook.joint
+        others = [slope for k, slope in enumerate(slopes) if k not in indices]
         if not any(others) and np.isfinite((constant, *slopes)).all():
-            found[a] = Linear(a.hook.joint, constant, *(-slopes[k] for k in own))
-    return found
+            forces[a] = Linear(a.hook.joint, constant, *(-slopes[k] for k in indices))
+    return forces
 
 
 def _slope(arm: Arm, force: Any, numbers: Mapping[str, float], k: int) -> float:
@@ -68,9 +68,9 @@ def _slope(arm: Arm, force: Any, numbers: Mapping[str, float], k: int) -> float:
 def _motion(arm: Arm, motion: Sequence[Any]) -> dict[str, Any]:
     """Positions and rates of the joints by name, and the coordinates and their rates, which follow."""
     n = len(arm.joints)
-    found: Any = arm.coordinates_of_joints(*motion[:n])
-    made = dict(zip((*numbered("phi{}", n), *numbered("phid{}", n)), motion, strict=True))
-    made |= zip(arm.coordinates, found if isinstance(found, tuple) else (found,), strict=True)
+    q: Any = arm.coordinates_of_joints(*motion[:n])
+    values = dict(zip((*numbered("phi{}", n), *numbered("phid{}", n)), motion, strict=True))
+    values |= zip(arm.coordinates, q if isinstance(q, tuple) else (q,), strict=True)
     for name, row in zip(arm.rates, coordinate_rates(arm).tolist(), strict=True):
-        made[name] = sum(share * x for share, x in zip(row, motion[n:], strict=True))
-    return made
+        values[name] = sum(share * x for share, x in zip(row, motion[n:], strict=True))
+    return values

@@ -50,33 +50,33 @@ def links_of(arm: Arm) -> tuple[RigidLink, ...]:
     reach = max(float(np.abs(points).max()), 1e-300)
     by_joint = np.abs(moved).max(axis=(0, 2)) > EQUAL * reach  # whether a joint moves a point
     last = np.where(by_joint.any(axis=1), n - 1 - by_joint[:, ::-1].argmax(axis=1), -1)
-    made: list[RigidLink] = []
+    links: list[RigidLink] = []
     before = np.zeros(2)
     for k, joint in enumerate(arm.joints):
         carried = np.flatnonzero(by_joint[:, k])
         if not carried.size:
             raise _refusal(arm, f"its joint {joint} moves no point mass")
         at, by = points[0, carried[0]], moved[0, carried[0], :, k]
-        own = {int(p): points[0, p] for p in np.flatnonzero(last == k)}
+        positions = {int(p): points[0, p] for p in np.flatnonzero(last == k)}
         slides = arm.prismatic[k]
         if slides and abs(float(np.hypot(*by)) - 1.0) > EQUAL:
             raise _refusal(arm, f"its slider {joint} moves a mass by {np.hypot(*by):.6g} m for each metre")
-        place = next(iter(own.values()), before) if slides else np.array([at[0] - by[1], at[1] + by[0]])
-        offsets = {p: _plain(position - place) for p, position in own.items()}
+        place = next(iter(positions.values()), before) if slides else np.array([at[0] - by[1], at[1] + by[0]])
+        offsets = {p: _plain(position - place) for p, position in positions.items()}
         tip = offsets.pop(arm.num_masses, None)
         axis = _plain(by) if slides else np.zeros(2)
-        made.append(RigidLink(joint, slides, axis, _plain(place - before), offsets, tip))
+        links.append(RigidLink(joint, slides, axis, _plain(place - before), offsets, tip))
         before = place
-    gap = max(float(np.abs(found - points[:, p]).max()) for p, found in _placed(made, phi, arm.num_masses))
+    gap = max(float(np.abs(point - points[:, p]).max()) for p, point in _placed(links, phi, arm.num_masses))
     if not gap <= EQUAL * reach:
         raise _refusal(arm, f"a chain of rigid links would have its points up to {gap:.2g} m beside them")
-    return tuple(made)
+    return tuple(links)
 
 
 def coordinates_at(arm: Arm, phi: Array) -> Array:
     """Coordinates at positions of the joints (..., joints)."""
-    found: Any = arm.coordinates_of_joints(*np.moveaxis(phi, -1, 0))
-    rows = found if isinstance(found, tuple) else (found,)
+    q: Any = arm.coordinates_of_joints(*np.moveaxis(phi, -1, 0))
+    rows = q if isinstance(q, tuple) else (q,)
     return np.stack(np.broadcast_arrays(*rows), axis=-1).astype(np.float64)
 
 
@@ -90,13 +90,13 @@ def _check_equations(arm: Arm, phi: Array, moved: Array) -> None:
     names = [f"{axis}dqd{p + 1}" for p in range(len(masses)) for axis in "XY"]
     turning = arm._vector(names, q=q, qd=qd).reshape(len(q), -1, 2)
     M, h, G = arm.mass_matrix(q), arm.bias_forces(q, qd), arm.gravity_forces(q, 9.81)
-    for what, own, indices, factor in (
+    for what, actual, indices, factor in (
         ("masses and inertias", shares.T @ M @ shares, "p, npaj, npak -> njk", moved),
         ("bias forces", h @ shares, "p, npaj, npa -> nj", turning),
         ("gravity forces", G @ shares, "p, npaj, a -> nj", np.array([0.0, 9.81])),
     ):
         terms = np.einsum(indices, masses, np.abs(moved), np.abs(factor))  # they may cancel
-        if not np.abs(own - np.einsum(indices, masses, moved, factor)).max() <= ALIKE * terms.max():
+        if not np.abs(actual - np.einsum(indices, masses, moved, factor)).max() <= ALIKE * terms.max():
             raise _refusal(arm, f"its {what} are not those of its point masses")
 
 

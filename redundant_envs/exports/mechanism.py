@@ -162,14 +162,14 @@ def _bodies(
         if inertia.key not in unfit:
             joints, of_link = inertia.hook.joints, _of_link(inertia.hook, scene.robot)
             (of_links if of_link else armature)[max(joints)] += known[inertia.parameter(inertia.hook.inertia)]
-    made = []
-    for link, own in zip(links, of_links.tolist(), strict=True):
+    bodies = []
+    for link, added_inertia in zip(links, of_links.tolist(), strict=True):
         carried = [(masses[p], offset) for p, offset in link.points.items()]
         mass = sum(m for m, _ in carried)
         centre = sum((m / mass * offset for m, offset in carried), np.zeros(2))
         spread = sum(m * float(np.sum((offset - centre) ** 2)) for m, offset in carried)
-        made.append(Body(link, mass, centre, own + spread))
-    return made, armature
+        bodies.append(Body(link, mass, centre, added_inertia + spread))
+    return bodies, armature
 
 
 def _sums(scene: Scene, forces: Mapping[Attached[Force], Linear]) -> Array:

@@ -27,7 +27,7 @@ def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     travel of a slider. A control is a share of the motor's limit from -1 to 1, or the effort [N m or N] of a
     motor without one.
     """
-    made = mechanism(scene, MJCF, approximate)
+    model = mechanism(scene, MJCF, approximate)
     steps = max(10, math.ceil(scene.control_dt / LONGEST_STEP - 1e-9))
     step = scene.control_dt / steps
     root = ET.Element("mujoco", model=scene.robot.kind)
@@ -41,33 +41,33 @@ def mjcf(scene: Scene, heading: Heading, approximate: bool) -> Document:
     exact: dict[str, Any] = dict.fromkeys(("boundmass", "boundinertia"), "0")
     exact |= dict.fromkeys(("inertiafromgeom", "balanceinertia"), "false")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true", **exact)
-    ET.SubElement(root, "option", timestep=numbers(step), integrator="RK4", gravity=numbers(*made.gravity))
+    ET.SubElement(root, "option", timestep=numbers(step), integrator="RK4", gravity=numbers(*model.gravity))
     world = ET.SubElement(root, "worldbody")
-    above = numbers(0.0, 0.0, 3.0 * made.reach)
+    above = numbers(0.0, 0.0, 3.0 * model.reach)
     ET.SubElement(world, "light", pos=above, dir="0 0 -1")
     ET.SubElement(world, "camera", name="above", pos=above, xyaxes="1 0 0 0 1 0")
-    _chain(world, made, step)
-    _motors(root, made)
-    return xml(root, heading.lines(about, made.notes), made.notes)
+    _chain(world, model, step)
+    _motors(root, model)
+    return xml(root, heading.lines(about, model.notes), model.notes)
 
 
-def _chain(world: ET.Element, made: Mechanism, step: float) -> None:
-    parent, radius = world, made.thickness / 2.0
-    for k, (body, end) in enumerate(zip(made.bodies, made.ends, strict=True)):
+def _chain(world: ET.Element, model: Mechanism, step: float) -> None:
+    parent, radius = world, model.thickness / 2.0
+    for k, (body, end) in enumerate(zip(model.bodies, model.ends, strict=True)):
         link = body.link
         parent = ET.SubElement(parent, "body", name=f"link{k + 1}", pos=numbers(*link.place, 0.0))
         kind, axis = ("slide", numbers(*link.axis, 0.0)) if link.slides else ("hinge", "0 0 1")
         joint = ET.SubElement(parent, "joint", name=link.joint, type=kind, axis=axis)
         for name in ("damping", "armature", "stiffness"):
-            if (value := getattr(made, name)[k]) != 0.0:
+            if (value := getattr(model, name)[k]) != 0.0:
                 joint.set(name, numbers(value))
-        if made.stiffness[k] != 0.0:
-            joint.set("springref", numbers(made.rest[k]))
-        if k in made.travel:
-            joint.set("range", numbers(*made.travel[k]))
+        if model.stiffness[k] != 0.0:
+            joint.set("springref", numbers(model.rest[k]))
+        if k in model.travel:
+            joint.set("range", numbers(*model.travel[k]))
             joint.set("solreflimit", numbers(2.0 * step, 1.0))  # as stiff as MuJoCo allows
-        if k in made.friction:
-            joint.set("frictionloss", numbers(made.friction[k]))
+        if k in model.friction:
+            joint.set("frictionloss", numbers(model.friction[k]))
         mass, inertia = numbers(body.mass), numbers(*[body.inertia] * 3)
         ET.SubElement(parent, "inertial", pos=numbers(*body.centre, 0.0), mass=mass, diaginertia=inertia)
         drawn: dict[str, Any] = {"contype": "0", "conaffinity": "0"}
@@ -75,21 +75,21 @@ def _chain(world: ET.Element, made: Mechanism, step: float) -> None:
         if np.hypot(*end) > radius:
             along = numbers(0.0, 0.0, 0.0, *end, 0.0)
             ET.SubElement(parent, "geom", type="capsule", fromto=along, size=size, rgba=COLOURS[0], **drawn)
-        if k == made.tip[0]:
-            ET.SubElement(parent, "site", name="tip", pos=numbers(*made.tip[1], 0.0), size=size)
+        if k == model.tip[0]:
+            ET.SubElement(parent, "site", name="tip", pos=numbers(*model.tip[1], 0.0), size=size)
         for offset in link.points.values():
             at = numbers(*offset, 0.0)
             ET.SubElement(parent, "geom", type="sphere", pos=at, size=ball, rgba=COLOURS[1], **drawn)
 
 
-def _motors(root: ET.Element, made: Mechanism) -> None:
+def _motors(root: ET.Element, model: Mechanism) -> None:
     """Motors at the joints, or on coordinates, which are sums of joint positions."""
-    joints = [body.link.joint for body in made.bodies]
+    joints = [body.link.joint for body in model.bodies]
     places: Sequence[tuple[str, str]] = [("joint", name) for name in joints]
-    if made.coordinates is not None:
+    if model.coordinates is not None:
         tendons = ET.SubElement(root, "tendon")
         places = [("tendon", f"coordinate{k + 1}") for k in range(len(joints))]
-        for (_, name), shares in zip(places, made.coordinates, strict=True):
+        for (_, name), shares in zip(places, model.coordinates, strict=True):
             tendon = ET.SubElement(tendons, "fixed", name=name)
             for joint, share in zip(joints, shares, strict=True):
                 if share != 0.0:
@@ -97,6 +97,6 @@ def _motors(root: ET.Element, made: Mechanism) -> None:
     motors = ET.SubElement(root, "actuator")
     for k, (kind, name) in enumerate(places):
         motor = ET.SubElement(motors, "motor", {"name": f"motor{k + 1}", kind: name})
-        if made.limits is not None and np.isfinite(made.limits[k]):
-            motor.set("gear", numbers(made.limits[k]))
+        if model.limits is not None and np.isfinite(model.limits[k]):
+            motor.set("gear", numbers(model.limits[k]))
             motor.set("ctrlrange", "-1 1")

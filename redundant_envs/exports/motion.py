@@ -65,10 +65,10 @@ def equations(scene: Scene, *wanted: str) -> dict[str, list[Value]]:
         q, qd, commands = ([Number(graph, graph.load(name, k)) for k in range(n)] for name in INPUTS)
         numbers = {**fields_of(dynamics), **dict(zip(dynamics.commands, commands, strict=True))}
         x = dynamics.quantities([*q, *qd], numbers)
-        made: dict[str, Iterable[Any]] = {"qdd": dynamics.accelerations(x)[:n]}
+        results: dict[str, Iterable[Any]] = {"qdd": dynamics.accelerations(x)[:n]}
         names = {
             "M": entries("M", n, n), "h": numbered("h{}", n), "G": numbered("G{}", n),
             "tip": ("tip_x", "tip_y"), "J": entries("J", 2, n),
         }  # fmt: skip
-        made |= {name: x.each(names[name]) for name in wanted if name != "qdd"}
-        return {name: [value_of(x) for x in made[name]] for name in wanted}
+        results |= {name: x.each(names[name]) for name in wanted if name != "qdd"}
+        return {name: [value_of(x) for x in results[name]] for name in wanted}

@@ -136,8 +136,8 @@ def exp(x: Any) -> Any:
 
 def expm1(x: Any) -> Any:
     """exp(x) - 1, which keeps all its digits where x is small."""
-    own = _primitives_of(x)
-    return own.exp(x) - 1.0 if own.expm1 is None else own.expm1(x)
+    primitives = _primitives_of(x)
+    return primitives.exp(x) - 1.0 if primitives.expm1 is None else primitives.expm1(x)
 
 
 def log(x: Any) -> Any:

@@ -77,9 +77,9 @@ def drawn(draws: Iterable[Draw], interval: Any, key: list[Any]) -> dict[Draw, An
     def pair(counter: float, k: int) -> Any:
         return normals(*map(uniform, words(counter)[2 * k : 2 * k + 2]))
 
-    made: dict[Draw, Any] = {}
+    values: dict[Draw, Any] = {}
     for draw in draws:
         word = draw.place % WORDS
-        own = pair(draw.counter, word // 2)[word % 2] if draw.normal else uniform(words(draw.counter)[word])
-        made[draw] = own
-    return made
+        value = pair(draw.counter, word // 2)[word % 2] if draw.normal else uniform(words(draw.counter)[word])
+        values[draw] = value
+    return values

@@ -93,8 +93,8 @@ class Moving:
         return Moving(self.value**exponent, self.moves, self.kinks)
 
     def __abs__(self) -> Moving:
-        own = (Kink(self.value),) if self.moves else ()
-        return Moving(abs(self.value), self.moves, (*self.kinks, *own))
+        new_kinks = (Kink(self.value),) if self.moves else ()
+        return Moving(abs(self.value), self.moves, (*self.kinks, *new_kinks))
 
 
 class Choice:

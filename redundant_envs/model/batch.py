@@ -198,10 +198,10 @@ class BatchSimulator(Copied):
         lanes, names = parameters.lanes_of(index, self.num_envs), self.simulator.dynamics.draw_fields
         if not names:
             raise ValueError("no effect of the scene draws; leave set_draws out")
-        given = parameters.table("draws", draws, len(lanes), len(names))
-        if not ((given >= 0.0) & (given == np.floor(given)) & (given < 2.0**53)).all():
+        rows = parameters.table("draws", draws, len(lanes), len(names))
+        if not ((rows >= 0.0) & (rows == np.floor(rows)) & (rows < 2.0**53)).all():
             raise ValueError("draws has entries that are no whole numbers; give those that 'draws' returned")
-        self._memory.write(names, given, lanes)
+        self._memory.write(names, rows, lanes)
 
     @first
     def set_parameters(self, values: Mapping[str, ArrayLike], index: ArrayLike | None = None) -> None:
@@ -215,9 +215,9 @@ class BatchSimulator(Copied):
         """
         lanes, scene, memory = parameters.lanes_of(index, self.num_envs), self.scene, self._memory
         parameters.check_given(scene, values)
-        given = parameters.lane_values(scene, memory, lanes, values, fresh=False)
-        parameters.check_stops(scene, memory.read(scene.robot.coordinates, lanes), given)
-        parameters.write(scene, memory, lanes, given)
+        table = parameters.lane_values(scene, memory, lanes, values, fresh=False)
+        parameters.check_stops(scene, memory.read(scene.robot.coordinates, lanes), table)
+        parameters.write(scene, memory, lanes, table)
         if any(name.startswith(f"{key}.") for key in scene.attached.keys_of(Impact) for name in values):
             memory.forget(lanes)  # a stop that holds a slider may be gone
 
@@ -255,8 +255,8 @@ class BatchSimulator(Copied):
         return self._advanced(efforts)
 
     def _advanced(self, efforts: ArrayLike | None) -> Status:
-        given = np.zeros(self.simulator.dynamics.count) if efforts is None else efforts
-        table = self._table("efforts", given, self.num_envs)
+        values = np.zeros(self.simulator.dynamics.count) if efforts is None else efforts
+        table = self._table("efforts", values, self.num_envs)
         if not table.flags.carray:
             table = table.copy(order="C")
         start, size = address(table), table.strides[0]

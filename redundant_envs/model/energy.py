@@ -54,8 +54,8 @@ def scene_quantities(
     has passed; positions choose between the laws of a force."""
     arm = scene.loaded_robot
     still = dict.fromkeys((*arm.rates, "ax", "ay", *(a.passed for a in scene.attached.instants)), 0.0)
-    own = {name: value for name, value in scene.parameters().items() if "." in name}
-    known: dict[str, Any] = arm.parameter_values() | still | own | {**parameters}
+    effect_values = {name: value for name, value in scene.parameters().items() if "." in name}
+    known: dict[str, Any] = arm.parameter_values() | still | effect_values | {**parameters}
     known |= scene.attached.states.initial | {CONTROL_DT: scene.control_dt}
     for names, numbers in ((arm.coordinates, q), (arm.rates, qd)):
         known |= {} if numbers is None else {name: numbers[..., k] for k, name in enumerate(names)}

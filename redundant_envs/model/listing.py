@@ -123,8 +123,8 @@ def bill(scene: Scene, track_work: bool = False, task: Task | None = None) -> Bi
     arm = scene.robot
     owners = dict.fromkeys((*arm.coordinates, *arm.rates, *arm.parameter_values()), "arm")
     for effect in scene.effects:
-        own = (*effect.parameters(), *effect.states(arm))
-        owners |= dict.fromkeys((f"{effect.key}.{name}" for name in own), effect.key)
+        names = (*effect.parameters(), *effect.states(arm))
+        owners |= dict.fromkeys((f"{effect.key}.{name}" for name in names), effect.key)
     for name, field in blocks.layout.fields.items():
         if field.lifetime is not LOG:
             counts.setdefault(owners.get(name, "interval"), Counter())["bytes"] += BYTES
@@ -164,17 +164,17 @@ def _of_events(owned: Counter[str], full: Counts, without: Counts, blocks: Block
     programs of events."""
     programs = (f for name, f in blocks.functions.items() if name not in COMMON)
     caused = sum((kinds for f in programs for kinds in _of_function(f).values()), Counter[str]())
-    found: Counts = {}
+    counts: Counts = {}
     for part in {*PARTS.values()}:
-        found[part] = Counter(without[part])
-        found[part].subtract(full[part])
-        caused.subtract(found[part])
+        counts[part] = Counter(without[part])
+        counts[part].subtract(full[part])
+        caused.subtract(counts[part])
     most = max(owned, key=lambda key: owned[key])
     for key, boundaries in owned.items():
-        found[key] = Counter({k: n * boundaries // owned.total() for k, n in caused.items()})
+        counts[key] = Counter({k: n * boundaries // owned.total() for k, n in caused.items()})
     for kind in caused:  # what is left over by rounding
-        found[most][kind] += caused[kind] - sum(found[key][kind] for key in owned)
-    return found
+        counts[most][kind] += caused[kind] - sum(counts[key][kind] for key in owned)
+    return counts
 
 
 def _of_function(function: LaneFunction) -> Counts:
@@ -194,20 +194,20 @@ def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:
         episode = Episode(interval, task)
         layout = episode.layout()
         each = {"reward": episode.finish_control_step, "observation": episode.observe, "reset": episode.reset}
-        made = {name: traced(name, layout, part) for name, part in each.items()}
+        functions = {name: traced(name, layout, part) for name, part in each.items()}
         if scene.action_units():
-            given = {"actions": ("f32", episode.actions)}
-            made["action"] = traced("action", layout, episode.command, inputs=given)
-        for part, function in made.items():
+            inputs = {"actions": ("f32", episode.actions)}
+            functions["action"] = traced("action", layout, episode.command, inputs=inputs)
+        for part, function in functions.items():
             _add(counts, {part: Counter(), **_counted(reached(function.results), part)})
         # The end of a control step updates the states of effects, too, as the motion does.
         update = traced("update", layout, interval.update_effect_states)
         _add(counts, _counted(reached(update.results), "reward"), -1)
     owners = dict.fromkeys((*episode.draws, "resetting"), "reset") | dict.fromkeys(episode.actions, "action")
     for owner in (owners.get(name, "reward") for name in layout.fields if name not in motion):
-        if owner in made:
+        if owner in functions:
             counts[owner]["bytes"] += BYTES
-    for written in made["observation"].outputs:
+    for written in functions["observation"].outputs:
         counts["observation"]["bytes"] += int(written.element[1:]) // 8
     return counts
 
@@ -223,11 +223,11 @@ def _counted(nodes: Iterable[Operation], part: str | None = None) -> Counts:
     for n in nodes:
         if n.origin is None or n.name == "load":
             continue
-        own = counts.setdefault(n.origin.owner or part or _part_of(Path(n.origin.file)), Counter())
+        counter = counts.setdefault(n.origin.owner or part or _part_of(Path(n.origin.file)), Counter())
         if n.origin.function == "sincos":
-            own["sine_pairs"] += n.name == "bit" and n.extra == 0
+            counter["sine_pairs"] += n.name == "bit" and n.extra == 0
         else:
-            own.update(COUNTED.get(n.name, ()))
+            counter.update(COUNTED.get(n.name, ()))
     return counts
 
 

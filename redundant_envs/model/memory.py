@@ -134,9 +134,9 @@ class Memory:
     def _place_of(self, names: tuple[str, ...]) -> tuple[str, NDArray[np.intp]]:
         """The array of some fields of one lifetime, and their rows in it."""
         if names not in self._places:
-            found = [self.layout.row_of(name) for name in names]
-            (space,) = {space for space, _ in found} or {str(STATE)}
-            self._places[names] = space, np.array([row for _, row in found], np.intp)
+            places = [self.layout.row_of(name) for name in names]
+            (space,) = {space for space, _ in places} or {str(STATE)}
+            self._places[names] = space, np.array([row for _, row in places], np.intp)
         return self._places[names]
 
     @alone
@@ -172,8 +172,8 @@ class Memory:
         """Give each lane parameters of its own."""
         if self.shared:
             shared = self.arrays[str(PARAMETER)]
-            own = np.broadcast_to(shared, (self.blocks, *shared.shape[1:]))
-            self.arrays[str(PARAMETER)] = _aligned_copy(own)
+            broadcast = np.broadcast_to(shared, (self.blocks, *shared.shape[1:]))
+            self.arrays[str(PARAMETER)] = _aligned_copy(broadcast)
             self.shared = False
             self.version += 1
 
@@ -182,8 +182,8 @@ class Memory:
         """Recompute the fields that follow from the parameters alone; to be called after these are set."""
         values = {name: self.column(name) for name in self.dynamics.parameters.values}
         with np.errstate(all="ignore"):  # both sides of a choice are computed, as in compiled code
-            made = self.dynamics.parameters.prepare(values)
-        for name, value in made.items():
+            prepared = self.dynamics.parameters.prepare(values)
+        for name, value in prepared.items():
             self.column(name)[:] = value
 
     def forget(self, index: NDArray[Any]) -> None:
@@ -237,6 +237,6 @@ def _check_size(layout: Layout, count: int) -> None:
 
 
 def _aligned_copy(array: Array) -> Array:
-    own = aligned(*array.shape)
-    own[:] = array
-    return own
+    copy = aligned(*array.shape)
+    copy[:] = array
+    return copy

@@ -81,7 +81,7 @@ def lanes_of(index: ArrayLike | None, count: int) -> NDArray[np.int64]:
 
 
 def lane_values(
-    scene: Scene, memory: Memory, lanes: NDArray[np.intp], given: Mapping[str, Any], fresh: bool,
+    scene: Scene, memory: Memory, lanes: NDArray[np.intp], parameters: Mapping[str, Any], fresh: bool,
     task: Task | None = None,
 ) -> Table:  # fmt: skip
     """All parameters of some lanes once the given ones are set; ValueError if one is not valid. The others
@@ -92,7 +92,7 @@ def lane_values(
     if fresh:
         values = {name: np.full(len(lanes), number) for name, number in nominal.items()}
     changed: list[str] = []
-    for name, value in given.items():
+    for name, value in parameters.items():
         names = names_of(scene, name, of_task)
         columns = table(name, value, len(lanes), len(names), [nominal[p] for p in names])
         values |= zip(names, columns.T.copy(), strict=True)
@@ -101,11 +101,11 @@ def lane_values(
     return values
 
 
-def check_given(scene: Scene, given: Any, of_task: Iterable[str] = ()) -> None:
+def check_given(scene: Scene, parameters: Any, of_task: Iterable[str] = ()) -> None:
     """ValueError if parameters that a user gives are no mapping, or if two names mean one number."""
-    if not isinstance(given, Mapping):
-        raise ValueError(f"parameters is {shown(given)}; give a mapping of names to numbers")
-    check_named_once("parameters set", {name: names_of(scene, name, of_task) for name in given})
+    if not isinstance(parameters, Mapping):
+        raise ValueError(f"parameters is {shown(parameters)}; give a mapping of names to numbers")
+    check_named_once("parameters set", {name: names_of(scene, name, of_task) for name in parameters})
 
 
 def present(memory: Memory, lanes: NDArray[np.intp], names: Iterable[str]) -> Table:
@@ -169,18 +169,18 @@ def check_keys(name: str, state: Any, keys: Iterable[str], source: str) -> None:
         raise ValueError(f"{name} has the keys {has}, and needs {needs}; use what {source} returned")
 
 
-def check_facts(name: str, theirs: Any, own: str) -> None:
+def check_facts(name: str, theirs: Any, expected: str) -> None:
     """ValueError that names the difference, if a state belongs to another simulator."""
     text = str(theirs)  # np.savez makes an array of a text
-    if text == own:
+    if text == expected:
         return
     try:
-        found = list(_differences("", json.loads(text), json.loads(own)))
+        differences = list(_differences("", json.loads(text), json.loads(expected)))
     except (ValueError, RecursionError):  # the latter comes from deeply nested brackets
         raise ValueError(f"{name}['simulator'] is {shown(text)}; it must be the text of a snapshot") from None
-    more = f", and {len(found) - 4} more differences" if len(found) > 4 else ""
+    more = f", and {len(differences) - 4} more differences" if len(differences) > 4 else ""
     raise ValueError(
-        f"{name} is of another scene: {'; '.join(found[:4])}{more}; build an equal one for this state"
+        f"{name} is of another scene: {'; '.join(differences[:4])}{more}; build an equal one for this state"
     )
 
 
@@ -206,25 +206,25 @@ def check_array(name: str, key: str, value: Any, like: NDArray[Any]) -> None:
     """ValueError unless a value is an array of the same shape and dtype as another."""
     of_array = "an array of shape {0.shape} and dtype {0.dtype}".format
     if not isinstance(value, np.ndarray) or (value.shape, value.dtype) != (like.shape, like.dtype):
-        found = of_array(value) if isinstance(value, np.ndarray) else shown(value)
-        raise ValueError(f"{name}[{key!r}] is {found}; give {of_array(like)}")
+        text = of_array(value) if isinstance(value, np.ndarray) else shown(value)
+        raise ValueError(f"{name}[{key!r}] is {text}; give {of_array(like)}")
 
 
 def check_numbers(
-    name: str, state: Mapping[str, Any], memory: Memory, kept: Iterable[str] = (),
+    name: str, state: Mapping[str, Any], memory: Memory, constant: Iterable[str] = (),
     finite: Iterable[str] = (), task: Task | None = None,
 ) -> None:  # fmt: skip
     """ValueError unless the "states" and "parameters" of a state may replace those of a memory. The
-    parameters ``kept`` are equal in all states, as are :data:`KEPT_FIELDS`; the states ``finite`` are never
-    without a number; the numbers of a task are parameters, too."""
-    own, layout, scene = memory.save(), memory.layout, memory.dynamics.scene
+    parameters ``constant`` are equal in all states, as are :data:`KEPT_FIELDS`; the states ``finite`` are
+    never without a number; the numbers of a task are parameters, too."""
+    saved, layout, scene = memory.save(), memory.layout, memory.dynamics.scene
     of_task = {} if task is None else task.parameters()
-    check_array(name, "states", state["states"], own["states"])
-    given, width = state["parameters"], layout.size(PARAMETER) * LANES
-    shared = isinstance(given, np.ndarray) and given.size == width  # by all lanes
-    check_array(name, "parameters", given, np.empty(width if shared else memory.blocks * width))
+    check_array(name, "states", state["states"], saved["states"])
+    parameters, width = state["parameters"], layout.size(PARAMETER) * LANES
+    shared = isinstance(parameters, np.ndarray) and parameters.size == width  # by all lanes
+    check_array(name, "parameters", parameters, np.empty(width if shared else memory.blocks * width))
     taken, nominal = copy.copy(memory), {**scene.parameters(), **of_task}
-    taken.restore(state["states"], given)
+    taken.restore(state["states"], parameters)
     for row in (*memory.dynamics.parameters.values, *of_task):
         there, here = taken.column(row), memory.column(row)
         if not (np.isfinite(there) | (there == here[:1, :1])).all():  # a side without a stop is infinite
@@ -232,7 +232,7 @@ def check_numbers(
     for row in finite:
         if not np.isfinite(taken.column(row)).all():
             raise ValueError(f"{name}['states'] has a {row} that is not finite; give finite numbers")
-    for row in (n for n in (*KEPT_FIELDS, *kept) if n in memory):
+    for row in (n for n in (*KEPT_FIELDS, *constant) if n in memory):
         there, here = taken.column(row), memory.column(row)
         if not (there == here[0, 0]).all():
             raise ValueError(
@@ -240,7 +240,7 @@ def check_numbers(
                 "it belongs to the scene and not to a state"
             )
     try:
-        if not np.array_equal(given, own["parameters"]):
+        if not np.array_equal(parameters, saved["parameters"]):
             values = present(taken, taken.index, nominal)
             changed = [p for p, number in nominal.items() if (values[p] != number).any()]
             check_values(scene, task, values, changed)

@@ -131,14 +131,14 @@ def _kept_or_made(make: Callable[..., Simulator], scene: Scene, *more: Any) -> S
         return make(scene.bound_anew(), *more)
     method = METHODS[scene.integrator]  # one from outside has no fixed meaning
     name = repr((scene, *more, llvm.processor()))  # shows the sign of a zero, which equality does not
-    kept = loaded.digest, method, name
-    if kept not in _kept:
+    key = loaded.digest, method, name
+    if key not in _kept:
         text = f"{loaded.digest}\0{method}\0{name}"
-        _kept[kept] = make(scene.bound_anew(), *more, hashlib.sha256(text.encode()).hexdigest()[:40])
-    _kept.move_to_end(kept)
+        _kept[key] = make(scene.bound_anew(), *more, hashlib.sha256(text.encode()).hexdigest()[:40])
+    _kept.move_to_end(key)
     if len(_kept) > KEPT_SIMULATORS:
         _kept.popitem(last=False)
-    return _kept[kept]
+    return _kept[key]
 
 
 def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
@@ -167,8 +167,8 @@ def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = (),
     episode = Episode(Interval(Dynamics(scene)), task, observed)
 
     def trace() -> Traced:
-        made = EnvironmentKernel(episode)
-        return Program([made.p, *([goal_reward_kernel(task)] if task.goal_functions else [])]), made.blocks
+        env = EnvironmentKernel(episode)
+        return Program([env.p, *([goal_reward_kernel(task)] if task.goal_functions else [])]), env.blocks
 
     return Simulator(episode.dynamics, trace, episode, name)
 
@@ -265,8 +265,8 @@ class Worker:
 
 
 def _serve(asked: SimpleQueue[Any]) -> None:
-    while (given := asked.get()) is not None:
-        (call, results), error = given, None
+    while (request := asked.get()) is not None:
+        (call, results), error = request, None
         try:
             call()
         except BaseException as raised:
@@ -366,8 +366,8 @@ class Copied(ABC):
     @alone
     def __getstate__(self) -> dict[str, Any]:
         left = ("simulator", *self.made_anew)
-        kept = {name: value for name, value in self.__dict__.items() if name not in left}
-        return {**kept, "_identity": self.simulator.identity}
+        state = {name: value for name, value in self.__dict__.items() if name not in left}
+        return {**state, "_identity": self.simulator.identity}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         simulator = self._found_simulator(state)
@@ -379,9 +379,9 @@ class Copied(ABC):
         self._take(state, simulator)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        made = memo[id(self)] = object.__new__(type(self))
-        made._take(copy.deepcopy(self.__getstate__(), memo), self.simulator)
-        return made
+        clone = memo[id(self)] = object.__new__(type(self))
+        clone._take(copy.deepcopy(self.__getstate__(), memo), self.simulator)
+        return clone
 
     def __copy__(self) -> Self:
         return copy.deepcopy(self)

@@ -70,9 +70,9 @@ def torch_step(scene: Scene) -> Step:
         q: Any, qd: Any, efforts: Any, parameters: Mapping[str, Any] | None = None, z: Any = None,
         draws: Any = None,
     ) -> tuple[Any, ...]:  # fmt: skip
-        given = {name: _checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))}
-        tensors = [*given.values()]
-        own: dict[str, Any] = {}  # states of effects, and what their draws follow from
+        inputs = {name: _checked(name, x, count) for name, x in (("q", q), ("qd", qd), ("efforts", efforts))}
+        tensors = [*inputs.values()]
+        effect_values: dict[str, Any] = {}  # states of effects, and what their draws follow from
         for name, value, columns in (("z", z, of_effects), ("draws", draws, of_draws)):
             if (value is not None) != bool(columns):
                 raise ValueError(
@@ -81,19 +81,19 @@ def torch_step(scene: Scene) -> Step:
                     f"the step returns, or leave {name} out if there are none"
                 )
             if columns:
-                given[name] = _checked(name, value, len(columns))
-                own |= zip(columns, given[name].unbind(-1), strict=True)
+                inputs[name] = _checked(name, value, len(columns))
+                effect_values |= zip(columns, inputs[name].unbind(-1), strict=True)
         named = _named(scene, parameters)
-        _check_batch({**given, **named})
+        _check_batch({**inputs, **named})
         states = [*tensors[0].unbind(-1), *tensors[1].unbind(-1)]
-        states += [own[n] for n in dynamics.states[2 * count :]]
+        states += [effect_values[n] for n in dynamics.states[2 * count :]]
         replaced: dict[str, Any] = {}
         for name, tensor in named.items():
             names = map(dynamics.parameters.field_of, names_of(scene, name))
             replaced |= zip(names, tensor.unbind(-1), strict=True)
         fields = fields_of(dynamics, replaced)
         fields |= zip(dynamics.commands, tensors[2].unbind(-1), strict=True)
-        fields |= {n: own[n] for n in (*dynamics.effect_states.updated, *of_draws)}
+        fields |= {n: effect_values[n] for n in (*dynamics.effect_states.updated, *of_draws)}
 
         def lane_now() -> Lane:
             return Lane(layout, {**fields, **dict(zip(dynamics.states, states, strict=True))}.__getitem__)
@@ -116,8 +116,8 @@ def torch_step(scene: Scene) -> Step:
                 taken = h > 0.0
                 for name, side in zip(features.sides, sides, strict=True):
                     fields[name] = torch.where(taken, side, fields[name])
-                made = lane_step(features, lane_now(), h)
-                states = [torch.where(taken, x, y) for x, y in zip(made.state, states, strict=True)]
+                new_step = lane_step(features, lane_now(), h)
+                states = [torch.where(taken, x, y) for x, y in zip(new_step.state, states, strict=True)]
         lane = lane_now()
         interval.update_effect_states(lane)
         parts = dynamics.states[:count], dynamics.states[count : 2 * count], of_effects, of_draws
@@ -127,11 +127,11 @@ def torch_step(scene: Scene) -> Step:
     plain = torch._disable_dynamo(step)
 
     @functools.wraps(step)
-    def uncompiled(*given: Any, **more: Any) -> tuple[Any, ...]:
+    def uncompiled(*args: Any, **more: Any) -> tuple[Any, ...]:
         """The same within torch.compile, whose module takes seconds to import: only if somebody has. Numbers
         are made on the processor, whatever the device of new tensors is: there they go with all devices."""
         with contextlib.nullcontext() if torch.get_default_device().type == "cpu" else torch.device("cpu"):
-            return (plain if "torch._dynamo" in sys.modules else step)(*given, **more)  # type: ignore[no-any-return]
+            return (plain if "torch._dynamo" in sys.modules else step)(*args, **more)  # type: ignore[no-any-return]
 
     return uncompiled
 
@@ -148,7 +148,7 @@ def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tens
             "leave out scene.tolerance"
         )
 
-    def found(*values: Any) -> tuple[torch.Tensor, ...]:
+    def located(*values: Any) -> tuple[torch.Tensor, ...]:
         shape = torch.broadcast_shapes(*(x.shape for x in values if isinstance(x, torch.Tensor)))
         lanes = (
             x.resolve_neg().expand(shape).reshape(-1).cpu().numpy() if isinstance(x, torch.Tensor) else x
@@ -157,7 +157,7 @@ def _steps(interval: Interval, fields: Mapping[str, Any]) -> Sequence[torch.Tens
         pieces = steps_taken(interval, dict(zip(fields, lanes, strict=True)))
         return tuple(torch.tensor(x, device=device).reshape(*x.shape[:2], *shape) for x in pieces)
 
-    return on_plain_numbers(found, *fields.values())
+    return on_plain_numbers(located, *fields.values())
 
 
 def _checked(name: str, value: Any, width: int) -> torch.Tensor:
@@ -177,14 +177,14 @@ def _real(name: str, value: Any) -> torch.Tensor:
     return tensor
 
 
-def _check_batch(given: Mapping[str, torch.Tensor]) -> None:
+def _check_batch(tensors: Mapping[str, torch.Tensor]) -> None:
     """ValueError unless what comes before the last axis of each tensor broadcasts to one batch."""
-    shapes = {name: tuple(tensor.shape[:-1]) for name, tensor in given.items()}
+    shapes = {name: tuple(tensor.shape[:-1]) for name, tensor in tensors.items()}
     try:
         torch.broadcast_shapes(*shapes.values())
     except RuntimeError:
-        told = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(f"the shapes of batches, {told}, do not broadcast to one; give equal ones") from None
+        text = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"the shapes of batches, {text}, do not broadcast to one; give equal ones") from None
 
 
 def _named(scene: Scene, parameters: Mapping[str, Any] | None) -> dict[str, torch.Tensor]:
@@ -192,8 +192,8 @@ def _named(scene: Scene, parameters: Mapping[str, Any] | None) -> dict[str, torc
     if parameters is not None and not isinstance(parameters, Mapping):
         raise ValueError(f"parameters is {shown(parameters)}; give a mapping of names, such as masses")
     tensors: dict[str, torch.Tensor] = {}
-    for name, given in (parameters or {}).items():
-        names, tensor = names_of(scene, name), _real(name, given)
+    for name, value in (parameters or {}).items():
+        names, tensor = names_of(scene, name), _real(name, value)
         if len(names) == 1 and (tensor.ndim == 0 or tensor.shape[-1] != 1):
             tensor = tensor.unsqueeze(-1)
         tensors[name] = _checked(name, tensor, len(names))

@@ -141,11 +141,11 @@ def simulate(
     if t.size and not t[-1] < 2.0**53 * scene.control_dt:
         raise ValueError(f"times must be shorter than 2^53 control intervals of {scene.control_dt} s")
     joints = len(scene.robot.joints)
-    starts = {name: numbers(name, given) for name, given in (("q", q), ("qd", qd))}
+    starts = {name: numbers(name, value) for name, value in (("q", q), ("qd", qd))}
     for name, start in starts.items():
         if start.shape[-1:] != (joints,) or not np.isfinite(start).all():
-            given = f"{shown(start)} of shape {start.shape}"
-            raise ValueError(f"{name} is {given}; give finite numbers, {joints} along the last axis")
+            value = f"{shown(start)} of shape {start.shape}"
+            raise ValueError(f"{name} is {value}; give finite numbers, {joints} along the last axis")
     q0, qd0 = np.broadcast_arrays(*starts.values())
     shape, count = q0.shape[:-1], q0.size // joints
     if not count:
@@ -157,10 +157,10 @@ def simulate(
     @functools.lru_cache(maxsize=1)
     def command(step: int) -> Array:
         """Efforts of a control interval, (count, joints)."""
-        given = efforts
-        if callable(given):
-            given = given(step * dt, *(x.reshape(*shape, joints) for x in (batch.q, batch.qd)))
-        table = numbers("efforts", np.zeros(joints) if given is None else given)
+        value = efforts
+        if callable(value):
+            value = value(step * dt, *(x.reshape(*shape, joints) for x in (batch.q, batch.qd)))
+        table = numbers("efforts", np.zeros(joints) if value is None else value)
         if table.shape != (joints,) and table.shape != (*shape, joints):
             raise ValueError(f"efforts has shape {table.shape}; give ({joints},) or {(*shape, joints)}")
         if not np.isfinite(table).all():
@@ -195,8 +195,8 @@ def simulate(
                 "substeps, or a softer scene"
             )
     _tell_error(scene, largest)
-    found = (x.reshape(len(t), *shape, *x.shape[2:]) for x in (q_all, qd_all, applied, z_all, work))
-    q_all, qd_all, applied, z_all, work = found
+    arrays = (x.reshape(len(t), *shape, *x.shape[2:]) for x in (q_all, qd_all, applied, z_all, work))
+    q_all, qd_all, applied, z_all, work = arrays
     energies = kinetic_energy(scene, q_all, qd_all, z_all), potential_energy(scene, q_all, z_all)
     events.sort(key=lambda e: e.time)
     return Trajectory(t, q_all, qd_all, *energies, work, applied, scene, events, z_all)
@@ -216,8 +216,8 @@ def _motor_efforts(batch: BatchSimulator, command: Array, elapsed: float, begun:
     for a in batch.scene.attached.instants:
         states[a.passed] = np.where(0.0 <= known[a.instant] <= elapsed, 1.0, 0.0)
     known |= states | dict(zip(dynamics.commands, command.T, strict=True))
-    found, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], known), "derivative")
-    return np.stack([np.broadcast_to(effort, batch.num_envs) for effort in found], axis=1)
+    efforts, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], known), "derivative")
+    return np.stack([np.broadcast_to(effort, batch.num_envs) for effort in efforts], axis=1)
 
 
 def _instant(time: float, dt: float) -> int:

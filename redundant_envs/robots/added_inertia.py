@@ -29,10 +29,10 @@ LARGEST_RATIO = 1e6
 def functions_with(arm: type[Arm], added: Added) -> tuple[Function, ...]:
     """The functions of an arm with inertias: those of the mass matrix and its consequences are replaced."""
     n = len(arm.coordinates)
-    kept = [f for f in arm.functions if "qdd1" not in gives_of(f)]
-    own = {name for f in kept if not derived.is_derived(f) for name in gives_of(f)}
-    bare = {*entries("M", n, n), *({"T", "Lz"} & own)}
-    functions = [f if derived.is_derived(f) else _of_point_masses(f, bare) for f in kept]
+    remaining = [f for f in arm.functions if "qdd1" not in gives_of(f)]
+    result_names = {name for f in remaining if not derived.is_derived(f) for name in gives_of(f)}
+    bare = {*entries("M", n, n), *({"T", "Lz"} & result_names)}
+    functions = [f if derived.is_derived(f) else _of_point_masses(f, bare) for f in remaining]
     functions += [_mass_matrix(arm, added), derived.forward_dynamics(n)]
     if "T" in bare:
         functions.append(_sum_over(added, "T", lambda inertia, rate: 0.5 * inertia * rate * rate))

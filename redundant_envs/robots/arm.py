@@ -318,20 +318,20 @@ class Arm:
         def matrix(letter: str, rows: int) -> Any:
             return sp.Matrix(rows, n, self.evaluate(entries(letter, rows, n), state))
 
-        made: dict[str, Any] = {"q": [*q.values()], "qd": [*qd.values()], "Q": [*forces.values()]}
-        made |= {"parameters": {**parameters, "g": field["ay"]}, "J": matrix("J", 2)}
-        made |= {letter: matrix(letter, n) for letter in "MC"}
+        expr: dict[str, Any] = {"q": [*q.values()], "qd": [*qd.values()], "Q": [*forces.values()]}
+        expr |= {"parameters": {**parameters, "g": field["ay"]}, "J": matrix("J", 2)}
+        expr |= {letter: matrix(letter, n) for letter in "MC"}
         columns = {letter: numbered(f"{letter}{{}}", n) for letter in ("h", "G", "qdd")}
         columns |= {"tip": ["tip_x", "tip_y"], "Jdot_qd": ["Jdqd1", "Jdqd2"]}
-        made |= {name: sp.Matrix(self.evaluate(names, state)) for name, names in columns.items()}
-        return made | {name: self.evaluate((name,), state)[0] for name in ("T", "U", "Lz", "manipulability")}
+        expr |= {name: sp.Matrix(self.evaluate(names, state)) for name, names in columns.items()}
+        return expr | {name: self.evaluate((name,), state)[0] for name in ("T", "U", "Lz", "manipulability")}
 
 
 def _defaults(arm: type[Arm]) -> dict[str, Any]:
     """Optional attributes of an arm that are not functions of the model."""
     n = len(arm.coordinates)
     sliders = arm.sliders()
-    made: dict[str, Any] = {
+    attributes: dict[str, Any] = {
         "kind": arm.__name__,
         "num_masses": n,
         "column_norms": derived.column_norms(n),
@@ -343,6 +343,6 @@ def _defaults(arm: type[Arm]) -> dict[str, Any]:
         },
     }
     if sliders:
-        made["held_dynamics"] = derived.forward_dynamics(n, sliders)
-        made["slider_mobility"] = derived.slider_mobility(n, sliders)
-    return made
+        attributes["held_dynamics"] = derived.forward_dynamics(n, sliders)
+        attributes["slider_mobility"] = derived.slider_mobility(n, sliders)
+    return attributes

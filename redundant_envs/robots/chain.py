@@ -42,8 +42,8 @@ class Chain(Arm):
     maker: ClassVar[type[Arm]]
 
     def __new__(cls, joint_types: Any = None, *args: Any, **kwargs: Any) -> Chain:
-        own = _class_of(check_joint_types("joint_types", joint_types)) if cls is Chain else cls
-        return object.__new__(own)
+        chain_class = _class_of(check_joint_types("joint_types", joint_types)) if cls is Chain else cls
+        return object.__new__(chain_class)
 
     def __init__(self, joint_types: str, masses: Any, lengths: Any = ()) -> None:
         kind: Any = type(self)
@@ -71,9 +71,9 @@ def _class_of(types: str) -> type[Chain]:
     """The class of all chains of such joints; there are at most 2046."""
     if types in _classes:
         return _classes[types]
-    own = {"joint_types": types, "kind": Chain.kind, "__module__": Chain.__module__, "__doc__": Chain.__doc__}
-    own["description"] = f"A planar arm of the joints {types} in a vertical plane"
-    return _classes.setdefault(types, type(Chain.__name__, (Chain,), own))
+    ns = {"joint_types": types, "kind": Chain.kind, "__module__": Chain.__module__, "__doc__": Chain.__doc__}
+    ns["description"] = f"A planar arm of the joints {types} in a vertical plane"
+    return _classes.setdefault(types, type(Chain.__name__, (Chain,), ns))
 
 
 _classes: dict[str, type[Chain]] = {}

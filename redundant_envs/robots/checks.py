@@ -41,10 +41,10 @@ def check_functions(arm: Any) -> None:
     if dialect.is_own(arm):
         return
     inherited = {id(f) for base in arm.__mro__[1:] for f in vars(base).get("functions", ())}
-    given = [("functions", f) for f in arm.functions if id(f) not in inherited]
-    given += [("prepared", f) for f in vars(arm).get("prepared", ())]
-    given += [(name, getattr(arm, name)) for name in FUNCTIONS if callable(vars(arm).get(name))]
-    for name, function in given:
+    functions = [("functions", f) for f in arm.functions if id(f) not in inherited]
+    functions += [("prepared", f) for f in vars(arm).get("prepared", ())]
+    functions += [(name, getattr(arm, name)) for name in FUNCTIONS if callable(vars(arm).get(name))]
+    for name, function in functions:
         try:
             dialect.check(function)
         except ValueError as error:

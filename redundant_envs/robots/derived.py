@@ -29,16 +29,16 @@ def identity(gives: Sequence[str], takes: Sequence[str]) -> Function:
     return identity
 
 
-def functions_of(arm: Any, given: set[str]) -> list[Function]:
+def functions_of(arm: Any, existing: set[str]) -> list[Function]:
     """Functions that follow from the mass points, the Jacobian, the mass matrix and the forces of an arm's
-    class, and are not yet ``given``."""
+    class, and are not yet ``existing``."""
     n, last = len(arm.coordinates), arm.num_masses
-    made = {
+    functions = {
         "tip_x": identity(("tip_x", "tip_y"), (f"x{last}", f"y{last}")),  # report 1.2.1 and 2.2.1
         "tip_vx": tip_velocity(arm.rates), "manipulability": manipulability(n),
         "U": potential_energy(last), "T": kinetic_energy(arm.rates), "qdd1": forward_dynamics(n),
     }  # fmt: skip
-    return [function for name, function in made.items() if name not in given]
+    return [function for name, function in functions.items() if name not in existing]
 
 
 def following(function: Function) -> Function:
@@ -184,8 +184,8 @@ def joint_rates(arm: Any) -> Array:
     """Rates of the joints as sums of those of the coordinates, (joints, coordinates)."""
     n = len(arm.rates)
     rates = dict(zip(arm.rates, np.eye(n), strict=True))
-    found = Quantities(rates, tuple(arm.functions), {}).each(numbered("phid{}", n))
-    return np.stack(np.broadcast_arrays(*found))
+    values = Quantities(rates, tuple(arm.functions), {}).each(numbered("phid{}", n))
+    return np.stack(np.broadcast_arrays(*values))
 
 
 def coordinate_rates(arm: Any) -> Array:

@@ -49,7 +49,7 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
     parts = [_path(_line(placed(rail)), RAIL, 13.0) for rail in rails]
     parts += [_path(*path) for path in _paths(arm, at, 0)]
     names = iter(f"l{k + 1}" for k in range(arm.num_lengths))
-    own = arm.num_lengths == arm.prismatic.count(False)
+    length_per_link = arm.num_lengths == arm.prismatic.count(False)
     for k, (a, b) in enumerate(itertools.pairwise(at)):
         x, y = 0.5 * (a + b) + 15.0 * np.array([b[1] - a[1], a[0] - b[0]]) / max(np.hypot(*(b - a)), 1.0)
         if arm.prismatic[k]:
@@ -61,7 +61,7 @@ def schematic(arm: Any, travel: Mapping[int, tuple[float, float]] | None = None)
                 side = _line((a, a + np.array([ARC + 10.0, 0.0])))
                 parts.append(_path(side + arc, INK, 1.0))
             parts.append(_name(a[0] + 32.0, a[1] + 13.0, arm.coordinates[k], INK))
-            parts += [_name(x, y, next(names), SOFT)] if own else []
+            parts += [_name(x, y, next(names), SOFT)] if length_per_link else []
         parts.append(_name(b[0] - 9.0, b[1] - 12.0, f"m{k + 1}", SOFT))
     return _picture(parts, f"{arm.kind} with its coordinates, masses and lengths")
 
@@ -129,13 +129,13 @@ def _paths(arm: Any, ends: Points, k: int) -> list[tuple[str, str, float]]:
     runs, start = [], 0
     for slides, joints in itertools.groupby(arm.prismatic):
         runs.append((slides, start, start := start + len([*joints])))
-    made = []
+    paths = []
     for kind, color, width in ((True, light, 5.0), (False, dark, 7.0)):
-        own = [(first, last + 1) for slides, first, last in runs if slides == kind]
-        if own:
-            made.append(("".join(_line(ends[first:last]) for first, last in own), color, width))
+        spans = [(first, last + 1) for slides, first, last in runs if slides == kind]
+        if spans:
+            paths.append(("".join(_line(ends[first:last]) for first, last in spans), color, width))
     base, *dots = (_line([end] * 2) for end in ends)
-    return [*made, ("".join(dots), INK, 11.0), (base, RAIL, 13.0)]
+    return [*paths, ("".join(dots), INK, 11.0), (base, RAIL, 13.0)]
 
 
 def _line(points: Any) -> str:

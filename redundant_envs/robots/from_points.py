@@ -34,11 +34,11 @@ class Points:
     def along(self, known: Mapping[str, Any], slopes: Sequence[Any]) -> dict[str, Any]:
         """Known values, those of the pose with derivatives; ``slopes`` are those of the coordinates."""
         moving = dict(zip(self.coordinates, slopes, strict=True))
-        made = {**known, **{q: Dual(known[q], slope) for q, slope in moving.items()}}
+        values = {**known, **{q: Dual(known[q], slope) for q, slope in moving.items()}}
         for angle, (s, c) in self.turning.items():
-            made[s] = Dual(known[s], times(known[c], moving[angle]))
-            made[c] = Dual(known[c], times(-known[s], moving[angle]))
-        return made
+            values[s] = Dual(known[s], times(known[c], moving[angle]))
+            values[c] = Dual(known[c], times(-known[s], moving[angle]))
+        return values
 
     def moving(self, known: Mapping[str, Any]) -> dict[str, Any]:
         """Known values, those of the pose with derivatives by time."""
@@ -61,18 +61,18 @@ class Points:
         return [dual(velocity).slope for velocity in self.velocities(self.moving(known))]
 
 
-def functions_of(arm: Any, given: set[str]) -> list[Function]:
-    """Functions that follow from the mass points of an arm's class, and are not yet ``given``; none if mass
-    points are missing. For every point k they give its velocity ``vx<k> vy<k>``, the derivatives of its
+def functions_of(arm: Any, existing: set[str]) -> list[Function]:
+    """Functions that follow from the mass points of an arm's class, and are not yet ``existing``; none if
+    mass points are missing. For every point k they give its velocity ``vx<k> vy<k>``, the derivatives of its
     position by the coordinates, ``X<k>1 .. Y<k>1 ..``, and its acceleration at constant rates, ``Xdqd<k>
     Ydqd<k>``."""
     points = Points(arm)
-    if not given.issuperset(points.positions):
+    if not existing.issuperset(points.positions):
         return []
     masses, n = points.count, points.joints
     tip = [f"{axis}{masses}{j + 1}" for axis in "XY" for j in range(n)]
     turning = [f"{axis}dqd{k + 1}" for axis in "XY" for k in range(masses)]
-    made = {
+    by_name = {
         "J11": identity(entries("J", 2, n), tip),
         "Jdqd1": identity(("Jdqd1", "Jdqd2"), (f"Xdqd{masses}", f"Ydqd{masses}")),
         "M11": mass_matrix(masses, n), "h1": forces("h{}", masses, n, turning),
@@ -81,20 +81,20 @@ def functions_of(arm: Any, given: set[str]) -> list[Function]:
     }  # fmt: skip
     pose = [*points.pose, *points.numbers]
     moving, ends = [*pose, *points.rates], points.positions
-    motion = [_named([f"v{p}" for p in ends], moving, points.velocities, given)]
+    motion = [_named([f"v{p}" for p in ends], moving, points.velocities, existing)]
     for j in range(n):
         of_column = functools.partial(points.column, j=j)
-        motion.append(_named([f"{p.upper()}{j + 1}" for p in ends], pose, of_column, given))
-    motion.append(_named([f"{p[0].upper()}dqd{p[1:]}" for p in ends], moving, points.accelerations, given))
-    return [*(f for f in motion if gives_of(f)), *(f for name, f in made.items() if name not in given)]
+        motion.append(_named([f"{p.upper()}{j + 1}" for p in ends], pose, of_column, existing))
+    motion.append(_named([f"{p[0].upper()}dqd{p[1:]}" for p in ends], moving, points.accelerations, existing))
+    return [*(f for f in motion if gives_of(f)), *(f for name, f in by_name.items() if name not in existing)]
 
 
 def _named(
     gives: Sequence[str], takes: Sequence[str], function: Callable[[Mapping[str, Any]], list[Any]],
-    given: Collection[str],
+    existing: Collection[str],
 ) -> Function:  # fmt: skip
-    """A dialect function from one that takes its arguments by name, without results already ``given``."""
-    wanted = [i for i, name in enumerate(gives) if name not in given]
+    """A dialect function from one that takes its arguments by name, without results already ``existing``."""
+    wanted = [i for i, name in enumerate(gives) if name not in existing]
 
     @physics(gives=[gives[i] for i in wanted], takes=takes)
     def motion_of_points(*values):

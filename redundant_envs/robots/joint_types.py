@@ -32,8 +32,8 @@ def facts_of(arm: Any) -> dict[str, Any]:
     check_joint_types(f"{arm.__name__}.joint_types", types)
     names = _counted(types, "theta{}", "r{}")
     angles = [name for name, kind in zip(names, types, strict=True) if kind == "R"]
-    given = {name for f in functions for name in gives_of(f)}
-    made: dict[str, Any] = {
+    result_names = {name for f in functions for name in gives_of(f)}
+    facts: dict[str, Any] = {
         "coordinates": tuple(names),
         "rates": tuple(_counted(types, "w{}", "v{}")),
         "joints": tuple(_counted(types, "joint{}", "r{}")),
@@ -41,20 +41,20 @@ def facts_of(arm: Any) -> dict[str, Any]:
         "sincos": {angle: (f"s{k + 1}", f"c{k + 1}") for k, angle in enumerate(angles)},
     }
     lengths = len(angles)
-    if "x1" in given:
-        found = (re.fullmatch(r"l(\d+)", a) for f in functions for a in arguments_of(f))
-        lengths = max((int(number.group(1)) for number in found if number), default=0)
-        made["num_masses"] = sum(re.fullmatch(r"x\d+", name) is not None for name in given)
-    made["num_lengths"] = lengths
-    return made
+    if "x1" in result_names:
+        matches = (re.fullmatch(r"l(\d+)", a) for f in functions for a in arguments_of(f))
+        lengths = max((int(number.group(1)) for number in matches if number), default=0)
+        facts["num_masses"] = sum(re.fullmatch(r"x\d+", name) is not None for name in result_names)
+    facts["num_lengths"] = lengths
+    return facts
 
 
-def functions_of(types: str, angles: Collection[str], given: set[str]) -> list[Function]:
-    """Functions of an arm of such joints that are not yet ``given``, by the names of their results. Sines and
-    cosines of its ``angles`` are known."""
+def functions_of(types: str, angles: Collection[str], existing: set[str]) -> list[Function]:
+    """Functions of an arm of such joints that are not yet ``existing``, by the names of their results.
+    Sines and cosines of its ``angles`` are known."""
     bent = [k for k in range(2, types.count("R") + 1) if {f"theta{k - 1}", f"theta{k}"} <= {*angles}]
-    made = [*_joint_maps(types), _points(types), *map(_angle_between, bent)]
-    return [f for f in made if given.isdisjoint(gives_of(f))]
+    functions = [*_joint_maps(types), _points(types), *map(_angle_between, bent)]
+    return [f for f in functions if existing.isdisjoint(gives_of(f))]
 
 
 def coordinates_of_joints(types: str) -> Function:
@@ -62,12 +62,12 @@ def coordinates_of_joints(types: str) -> Function:
 
     @physics(gives=_counted(types, "theta{}", "r{}"), takes=numbered("phi{}", len(types)))
     def coordinates_of_joints(*phi):
-        turned, made = None, []
+        turned, coordinates = None, []
         for kind, position in zip(types, phi, strict=True):
             if kind == "R":
                 turned = position if turned is None else turned + position
-            made.append(turned if kind == "R" else position)
-        return tuple(made)
+            coordinates.append(turned if kind == "R" else position)
+        return tuple(coordinates)
 
     return coordinates_of_joints
 
@@ -109,17 +109,17 @@ def _points(types: str) -> Function:
     @physics(gives=[f"{axis}{k + 1}" for k in range(len(types)) for axis in "xy"], takes=takes)
     def points(*values):
         lengths, moved, cosines = values[:revolute], values[revolute : -revolute or None], values[-revolute:]
-        links, made = iter(range(revolute)), []
+        links, positions = iter(range(revolute)), []
         start, s, c, reach = [], None, None, None  # nothing is added to what begins at the base, along +x
         for kind, value in zip(types, moved, strict=True):
             if kind == "R":
-                link, start = next(links), made[-2:]
+                link, start = next(links), positions[-2:]
                 s, c, reach = value, cosines[link], lengths[link]
             else:
                 reach = value if reach is None else reach + value
             ahead = (reach, 0.0) if c is None else (reach * c, reach * s)
-            made += [a + b for a, b in zip(start, ahead, strict=True)] if start else ahead
-        return tuple(made)
+            positions += [a + b for a, b in zip(start, ahead, strict=True)] if start else ahead
+        return tuple(positions)
 
     return points
 

@@ -145,13 +145,13 @@ def _distances(points: Points, known: dict[str, Any], lines: Sequence[Line]) -> 
     """Lengths of lines, from the difference of columns of Jacobians, where nothing cancels."""
     pose = dict.fromkeys(points.pose, 0.0) | {c: 1.0 for _, c in points.turning.values()}
     columns = [points.column({**known, **pose}, j) for j in range(points.joints)]
-    made = []
+    distances = []
     for near, far, rate in lines:
         if not rate.any():  # it never turns, and no joint's rate follows from it
-            made.append(0.0)
+            distances.append(0.0)
             continue
         j = int(np.flatnonzero(rate)[-1])
         moved = [0.0, 0.0, *columns[j]]  # the base, and all points
         x, y = (moved[2 * far + axis] - moved[2 * near + axis] for axis in range(2))
-        made.append(sqrt(x * x + y * y) / abs(float(rate[j])))
-    return made
+        distances.append(sqrt(x * x + y * y) / abs(float(rate[j])))
+    return distances

@@ -26,18 +26,18 @@ ENTRY = re.compile(r"(masses|lengths)(\[\d+\])?|[ml]\d+")  # these, and names of
 def names_of(scene: Any, name: str, of_task: Iterable[str] = ()) -> list[str]:
     """Scalar parameters of a user's name: "masses" -> m1, m2, ..., "masses[1]" or "m2" -> m2,
     "gravity.down" -> down[0], down[1]."""
-    found: dict[str, list[str]] = {kind: [] for kind in OF_ARM}
+    scalars: dict[str, list[str]] = {kind: [] for kind in OF_ARM}
     for parameter in scene.parameters():
-        found[parameter] = [parameter]
+        scalars[parameter] = [parameter]
         whole = next((k for k in OF_ARM if parameter[0] == k[0] and parameter[1:].isdigit()), "")
         if whole:
-            found[f"{whole}[{int(parameter[1:]) - 1}]"] = [parameter]
+            scalars[f"{whole}[{int(parameter[1:]) - 1}]"] = [parameter]
         if whole or "[" in parameter:
-            found.setdefault(whole or parameter.partition("[")[0], []).append(parameter)
-    found |= {own: [own] for own in of_task}
-    if isinstance(name, str) and name in found:
-        return found[name]
-    valid = sorted({entry.partition("[")[0] for entry in found if "." in entry})
+            scalars.setdefault(whole or parameter.partition("[")[0], []).append(parameter)
+    scalars |= {key: [key] for key in of_task}
+    if isinstance(name, str) and name in scalars:
+        return scalars[name]
+    valid = sorted({entry.partition("[")[0] for entry in scalars if "." in entry})
     raise ValueError(f"parameter is {shown(name)}; this scene has {', '.join((*OF_ARM, *valid, *of_task))}")
 
 
@@ -49,9 +49,9 @@ def check_values(scene: Any, task: Any, values: Table, changed: list[str]) -> No
         if not set(changed).isdisjoint(names):
             _check_positive(kind, np.stack([values[p] for p in names], axis=1))
     for effect in scene.effects:
-        own = [f"{effect.key}.{name}" for name in effect.parameters()]  # another key may begin with its key
-        if not {*changed}.isdisjoint(own):
-            _check_effect(scene, effect, own, values)
+        keys = [f"{effect.key}.{name}" for name in effect.parameters()]  # another key may begin with its key
+        if not {*changed}.isdisjoint(keys):
+            _check_effect(scene, effect, keys, values)
     for mass, sums in scene.attached.moving_masses(values, scene.attached.states.initial).items():
         _check_positive(f"{mass} with {', '.join(scene.attached.carried[mass])}", sums[:, None])
     scene.attached.check_inertias(scene.robot, values)
@@ -77,30 +77,30 @@ def _check_effect(scene: Any, effect: Any, names: list[str], values: Table) -> N
     """Build the effect with each lane's numbers, so that its own checks apply."""
     for numbers in _distinct(values, f"{effect.key}.", names):
         fields = {f.name for f in dataclasses.fields(effect)}
-        own = {name: number for name, number in numbers.items() if name.partition("[")[0] in fields}
-        made = replaced(effect, **fields_with(effect, own))
-        _check_kept(f"{effect.key}.", made, numbers)
+        field_values = {name: number for name, number in numbers.items() if name.partition("[")[0] in fields}
+        new_effect = replaced(effect, **fields_with(effect, field_values))
+        _check_kept(f"{effect.key}.", new_effect, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]
-        validate_hooks.check_numbers(effect.key, made, scene.robot, hooks)
+        validate_hooks.check_numbers(effect.key, new_effect, scene.robot, hooks)
 
 
 def _distinct(values: Table, before: str, names: Iterable[str]) -> list[dict[str, float]]:
     """The different numbers of lanes by their names, without what these begin with."""
-    own = [name.removeprefix(before) for name in names]
-    if own and len(values[before + own[0]]) == 1:
-        return [{name: float(values[before + name][0]) for name in own}]
-    rows = np.unique(np.stack([values[before + name] for name in own], axis=1), axis=0)
-    return [dict(zip(own, row, strict=True)) for row in rows.tolist()]
+    suffixes = [name.removeprefix(before) for name in names]
+    if suffixes and len(values[before + suffixes[0]]) == 1:
+        return [{name: float(values[before + name][0]) for name in suffixes}]
+    rows = np.unique(np.stack([values[before + name] for name in suffixes], axis=1), axis=0)
+    return [dict(zip(suffixes, row, strict=True)) for row in rows.tolist()]
 
 
-def _check_kept(before: str, made: Any, numbers: Mapping[str, float]) -> None:
+def _check_kept(before: str, owner: Any, numbers: Mapping[str, float]) -> None:
     """ValueError if a class makes other numbers of those that it is given, as one that scales them may:
     lanes would have the given ones."""
-    kept = made.parameters()
+    values = owner.parameters()
     for name, value in numbers.items():
-        if not math.isclose(kept.get(name, math.nan), value, rel_tol=ROUNDING):
+        if not math.isclose(values.get(name, math.nan), value, rel_tol=ROUNDING):
             raise ValueError(
-                f"{before}{name} is {value}, and {type(made).__name__} makes {kept.get(name)} of it; give "
+                f"{before}{name} is {value}, and {type(owner).__name__} makes {values.get(name)} of it; give "
                 "numbers that it keeps, all of them that depend on each other"
             )
 
@@ -112,21 +112,21 @@ def is_of_task(name: str) -> bool:
 
 def entries_of(scene: Any, drawn: Iterable[Range], of_task: Iterable[str] = ()) -> dict[Range, list[str]]:
     """The scalar parameters that ranges draw; ValueError if a name is unknown, or two ranges draw one."""
-    found: dict[Range, list[str]] = {}
+    entries: dict[Range, list[str]] = {}
     for one in drawn:
         try:
-            found[one] = names_of(scene, one.name, of_task)
+            entries[one] = names_of(scene, one.name, of_task)
         except ValueError as error:
             more = "" if of_task else ", and the numbers of the task of an environment"
             raise ValueError(f"randomize has an unknown name: {error}{more}") from None
-    check_named_once("randomize draws", {one.name: names for one, names in found.items()})
-    return found
+    check_named_once("randomize draws", {one.name: names for one, names in entries.items()})
+    return entries
 
 
-def check_named_once(what: str, given: Mapping[str, Iterable[str]]) -> None:
+def check_named_once(what: str, names_by_owner: Mapping[str, Iterable[str]]) -> None:
     """ValueError, which begins with ``what``, if two of the names given mean the same scalar parameter."""
     owners: dict[str, str] = {}
-    for owner, names in given.items():
+    for owner, names in names_by_owner.items():
         for name in names:
             if (other := owners.setdefault(name, owner)) != owner:
                 raise ValueError(f"{what} {name} twice, by {other!r} and {owner!r}; leave one out")
@@ -134,12 +134,12 @@ def check_named_once(what: str, given: Mapping[str, Iterable[str]]) -> None:
 
 def ends_of(drawn: Mapping[Range, list[str]], nominal: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """The least and the largest value of each scalar parameter that ranges draw."""
-    found = {}
+    ends = {}
     for one, names in drawn.items():
         for name in names:
             low, high = sorted(one.drawn(end, nominal[name]) for end in one.distribution.ends)
-            found[name] = low, high
-    return found
+            ends[name] = low, high
+    return ends
 
 
 def check_ranges(scene: Any, drawn: Mapping[Range, list[str]], task: Any = None) -> None:

@@ -185,10 +185,10 @@ def distribution(where: str, data: Any) -> Distribution:
     if not isinstance(data, Mapping):
         raise ValueError(f"{where} is {shown(data)}; {EXAMPLE}")
     check_keys(where, data, [*KINDS, "within"])
-    given = [kind for kind in KINDS if kind in data]
-    if len(given) != 1:
-        raise ValueError(f"{where} has {' and '.join(given) or 'none'}; give one of {', '.join(KINDS)}")
-    kind = given[0]
+    kinds = [kind for kind in KINDS if kind in data]
+    if len(kinds) != 1:
+        raise ValueError(f"{where} has {' and '.join(kinds) or 'none'}; give one of {', '.join(KINDS)}")
+    kind = kinds[0]
     field = f"{where}.{kind}"
     if kind == "choice":
         return Choice(_choices(field, data[kind]))
@@ -205,16 +205,16 @@ def distribution(where: str, data: Any) -> Distribution:
     if "within" not in data:
         raise ValueError(f"{where} has a normal without ends; give 'within': [low, high]")
     low, high = _ends(f"{where}.within", data["within"])
-    made = Normal(low, high, mean, deviation)
-    if (share := made.shares()[-1]) < SMALLEST_SHARE:
+    normal = Normal(low, high, mean, deviation)
+    if (share := normal.shares()[-1]) < SMALLEST_SHARE:
         what = f"{where}.within is {low} to {high}, with {share:.1g} of the draws"
         raise ValueError(f"{what} of the normal; give ends with at least {SMALLEST_SHARE:g}")
-    return made
+    return normal
 
 
 def _two(field: str, data: Any) -> tuple[float, float]:
-    found: Any = strengths(field, numbers(field, data, 2))
-    return found
+    pair: Any = strengths(field, numbers(field, data, 2))
+    return pair
 
 
 def _ends(field: str, data: Any) -> tuple[float, float]:
@@ -258,8 +258,8 @@ def ranges(data: Any) -> tuple[Range, ...]:
         return data
     if not isinstance(data, Mapping):
         raise ValueError(f"randomize is {shown(data)}; give a mapping of names to ranges: {EXAMPLE}")
-    made = [_range(name, given) for name, given in data.items()]
-    return tuple(sorted(made, key=lambda one: one.name))  # a mapping has no order
+    unsorted = [_range(name, value) for name, value in data.items()]
+    return tuple(sorted(unsorted, key=lambda one: one.name))  # a mapping has no order
 
 
 def _range(name: Any, data: Any) -> Range:

@@ -126,9 +126,9 @@ class Scene:
             tolerance = between("tolerance", self.tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE, " m")
             object.__setattr__(self, "tolerance", tolerance)
             if self.integrator != "rk8" or self.substeps != 1:
-                given = f"integrator {self.integrator!r} and substeps {self.substeps}"
+                text = f"integrator {self.integrator!r} and substeps {self.substeps}"
                 fix = "give it with integrator 'rk8' and 1 substep alone"
-                raise ValueError(f"tolerance is {tolerance} m with {given}; {fix}")
+                raise ValueError(f"tolerance is {tolerance} m with {text}; {fix}")
         if not isinstance(self.actuation, str) or self.actuation not in ACTUATIONS:
             raise ValueError(f"actuation is {shown(self.actuation)}; choose {', '.join(ACTUATIONS)}")
         object.__setattr__(self, "randomize", ranges({} if self.randomize is None else self.randomize))
@@ -143,11 +143,11 @@ class Scene:
             what = shown(self.effects)
             raise ValueError(f"effects is {what}; give a sequence of effects, such as effects=(Gravity(),)")
         fitted: dict[str, Effect] = {}
-        for i, given in enumerate(self.effects):
-            if not isinstance(given, Effect):
+        for i, item in enumerate(self.effects):
+            if not isinstance(item, Effect):
                 known = ", ".join(sorted(EFFECTS))
-                raise ValueError(f"effects[{i}] is {shown(given)}; give an effect: {known}")
-            effect = given.fitted(self.robot).at_interval(self.control_dt)
+                raise ValueError(f"effects[{i}] is {shown(item)}; give an effect: {known}")
+            effect = item.fitted(self.robot).at_interval(self.control_dt)
             check_attached(f"effects[{i}]", effect, self.robot)
             other = fitted.setdefault(effect.key, effect)
             if other is not effect:
@@ -193,9 +193,9 @@ class Scene:
 
     def bound_anew(self) -> Self:
         """The same scene, whose effects are asked for their hooks again: their functions may be replaced."""
-        made = object.__new__(type(self))
-        made.__dict__.update({f.name: getattr(self, f.name) for f in dataclasses.fields(self)})
-        return made
+        copy = object.__new__(type(self))
+        copy.__dict__.update({f.name: getattr(self, f.name) for f in dataclasses.fields(self)})
+        return copy
 
     @property
     def controlled(self) -> bool:
@@ -257,7 +257,7 @@ class Scene:
         """Parameters in units of which an environment takes its actions, one for each motor; () if none."""
         links = sorted(self.attached.of(Actuation), key=lambda link: link.hook.link)
         units = ((e.key, e.action_units(self.robot)) for e in (*(a.effect for a in links), *self.effects))
-        return next((tuple(f"{key}.{own}" for own in names) for key, names in units if names), ())
+        return next((tuple(f"{key}.{name}" for name in names) for key, names in units if names), ())
 
     def command_units(self) -> tuple[str, ...]:
         """Units of the motors' commands: those of efforts, N m and N, unless an effect takes another one."""
@@ -265,14 +265,14 @@ class Scene:
 
     def units(self) -> dict[str, str]:
         """Known units of the effects' numbers: "gravity.g" -> "m/s^2"."""
-        found = {}
+        units = {}
         for effect in self.effects:
             for name, unit in effect.units(self.robot).items():
                 if unit == COMMAND:
                     along = self.attached.units_along(int(name.partition("[")[2][:-1]), self.robot)
                     unit = next(unit for owner, unit in along if owner is effect)
-                found[f"{effect.key}.{name}"] = unit
-        return found
+                units[f"{effect.key}.{name}"] = unit
+        return units
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON data that :meth:`from_dict` turns back into an equal scene."""
@@ -286,8 +286,8 @@ class Scene:
         effects = [plain(type(e).__name__, e) for e in self.effects]
         numbers = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         drawn = numbers.pop("randomize")
-        found = {**numbers, "robot": plain(self.robot.kind, self.robot), "effects": effects}
-        return {**found, "randomize": plain_ranges(drawn)} if drawn else found
+        facts = {**numbers, "robot": plain(self.robot.kind, self.robot), "effects": effects}
+        return {**facts, "randomize": plain_ranges(drawn)} if drawn else facts
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -360,12 +360,14 @@ def scene_at(scene: str | Path | Mapping[str, Any] | Scene, accuracy: str | floa
     built = load_scene(scene)
     if accuracy is None:
         return built
-    own: list[str] = []  # of what accuracy sets, that which the data of a scene of a user gives
+    keys: list[str] = []  # of what accuracy sets, that which the data of a scene of a user gives
     if not (isinstance(scene, Scene) or (isinstance(scene, str) and not scene.endswith((".yaml", ".yml")))):
         data = scene if isinstance(scene, Mapping) else scene_data(scene)
-        own = [k for k in STEPPING if k in data]
-    if own:
-        raise ValueError(f"accuracy is {shown(accuracy)}, as well as {', '.join(own)}; give one or the other")
+        keys = [k for k in STEPPING if k in data]
+    if keys:
+        raise ValueError(
+            f"accuracy is {shown(accuracy)}, as well as {', '.join(keys)}; give one or the other"
+        )
     if isinstance(accuracy, str):
         if accuracy not in ACCURACIES:
             raise ValueError(f"accuracy is {shown(accuracy)}; give {', '.join(ACCURACIES)} or metres")

@@ -38,10 +38,10 @@ def opened(path: Path, what: str, most: int) -> Iterator[BufferedReader]:
             raise ValueError(f"{what} is {shown(str(path))}, a folder; give a file in it")
         at_once = getattr(os, "O_NONBLOCK", 0)  # a pipe without a writer does not wait for one
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | at_once)) as file:
-            found = os.fstat(file.fileno())
-            if not stat.S_ISREG(found.st_mode):
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
                 raise ValueError(f"{what} is {shown(str(path))}, a device or a pipe; give a file")
-            _check_size(path, found.st_size, most)
+            _check_size(path, status.st_size, most)
             yield file
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__

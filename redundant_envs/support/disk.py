@@ -20,7 +20,7 @@ class DiskFull(OSError):
 
 
 @contextlib.contextmanager
-def told(path: Path) -> Iterator[None]:
+def disk_errors(path: Path) -> Iterator[None]:
     """Errors within since a disk is full become a DiskFull for ``path``, also those of libraries, as of torch
     and ffmpeg, that say something else."""
     try:
@@ -56,7 +56,7 @@ def replacing(path: Path) -> Iterator[Path]:
     is refused: what it names may be anything.
     """
     if path.exists() and not (path.is_file() or path.is_dir()):
-        with told(path):
+        with disk_errors(path):
             yield path
         return
     if path.is_symlink():
@@ -64,7 +64,7 @@ def replacing(path: Path) -> Iterator[Path]:
             f"{path} is a link to {path.readlink()}; delete the link, or give the file itself"
         )
     part = path.with_name(f".{path.stem}.{secrets.token_hex(8)}{path.suffix}")
-    with told(path):
+    with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         # O_EXCL follows no link, and fails where anything has this name
         os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
@@ -113,8 +113,8 @@ def check_folder(what: str, folder: Path, fix: str) -> None:
     there = next(place for place in (folder, *folder.absolute().parents) if os.path.lexists(place))
     kind = "the file" if there.exists() else "the broken link"
     if not there.is_dir():
-        found = f"is {kind.replace('the', 'a')}" if there == folder else f"is below {kind} {there}"
-        raise ValueError(f"{what} is {folder}, which {found}; {fix}")
+        problem = f"is {kind.replace('the', 'a')}" if there == folder else f"is below {kind} {there}"
+        raise ValueError(f"{what} is {folder}, which {problem}; {fix}")
     if not os.access(there, os.W_OK | os.X_OK):
         raise ValueError(f"{what} is {folder}, and {there} is not writable; {fix}")
 
@@ -127,16 +127,16 @@ def add_force(parser: Any) -> None:
 def check_plain(folder: Path) -> None:
     """Refuse a folder that holds links, pipes or devices, at any depth: a file of such a name is written, or
     read, elsewhere or without end. The folder itself may be a link of the user."""
-    found = []
+    bad_entries = []
     for place, folders, files in os.walk(folder):
         for path in sorted(Path(place, name) for name in (*folders, *files)):
             if path.is_symlink():
-                found.append(f"{path.relative_to(folder)} (a link)")
+                bad_entries.append(f"{path.relative_to(folder)} (a link)")
             elif not (path.is_dir() or path.is_file()):
-                found.append(f"{path.relative_to(folder)} (a pipe or device)")
-    if found:
-        shown = ", ".join(found[:MAX_SHOWN])
-        more = f" and {len(found) - MAX_SHOWN} more" if len(found) > MAX_SHOWN else ""
+                bad_entries.append(f"{path.relative_to(folder)} (a pipe or device)")
+    if bad_entries:
+        shown = ", ".join(bad_entries[:MAX_SHOWN])
+        more = f" and {len(bad_entries) - MAX_SHOWN} more" if len(bad_entries) > MAX_SHOWN else ""
         raise ValueError(
             f"{folder} holds {shown}{more}; files of these names would be read or written elsewhere: delete "
             "them, or put copies in their place"

@@ -22,19 +22,19 @@ STYLE = (
 def as_html(thing: Any, *parts: Callable[[], str]) -> str:
     """HTML of an object from its parts; the text of the object stands for parts that fail: any error is
     caught, since users' classes may do anything, and a picture must not hide the object."""
-    made = []
+    fragments = []
     for part in parts:
         try:
             with np.errstate(all="ignore"):  # numbers may be of any size
-                made.append(part())
+                fragments.append(part())
         except Exception:
-            made.append("")
+            fragments.append("")
     try:
         plain = repr(thing)
     except Exception:
         plain = f"<{type(thing).__name__}>"
     text = f"<pre>{escaped(plain, LONGEST_TEXT)}</pre>"
-    page = f'<div class="redundant-envs">{STYLE}{"" if all(made) else text}{"".join(made)}</div>'
+    page = f'<div class="redundant-envs">{STYLE}{"" if all(fragments) else text}{"".join(fragments)}</div>'
     return page if len(page.encode(errors="replace")) <= MAX_BYTES else text
 
 

@@ -52,8 +52,8 @@ def _cell(text: Any) -> Markdown:
     return Markdown(re.sub(MEANING, _escape, _line(text).strip()).replace("<", "&lt;").replace("@", AT))
 
 
-def _escape(found: re.Match[str]) -> str:
-    return re.sub(r"(\W|_)", r"\\\1", found[0])
+def _escape(match: re.Match[str]) -> str:
+    return re.sub(r"(\W|_)", r"\\\1", match[0])
 
 
 def _line(text: Any) -> str:

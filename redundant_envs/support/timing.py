@@ -34,16 +34,16 @@ class Times(NamedTuple):
         return float((high - low) / middle)
 
 
-def timed(run: Callable[..., Any], *given: Any) -> tuple[float, Any]:
+def timed(run: Callable[..., Any], *args: Any) -> tuple[float, Any]:
     """Processor time of a call, s, and what it returns."""
     start = time.process_time()
-    found = run(*given)
-    return time.process_time() - start, found
+    result = run(*args)
+    return time.process_time() - start, result
 
 
-def seconds(run: Callable[..., Any], *given: Any) -> float:
+def seconds(run: Callable[..., Any], *args: Any) -> float:
     """Processor time of a call, s."""
-    return timed(run, *given)[0]
+    return timed(run, *args)[0]
 
 
 def by_turns(
@@ -57,11 +57,11 @@ def by_turns(
     receives the number of turns that are over.
     """
     samples: dict[K, list[Any]] = {name: [] for name in samplers}
-    own = dict.fromkeys(samplers, turns) | dict(fewer or {})
+    counts = dict.fromkeys(samplers, turns) | dict(fewer or {})
     for turn in range(turns):
         for name, sample in samplers.items():
-            due = len(samples[name]) * turns <= turn * own[name]
+            due = len(samples[name]) * turns <= turn * counts[name]
             if due and (not samples[name] or np.sum(samples[name]) < most):
                 samples[name].append(sample())
         done(turn + 1)
-    return {name: Times(np.array(found)) for name, found in samples.items()}
+    return {name: Times(np.array(times)) for name, times in samples.items()}

@@ -114,24 +114,24 @@ def _plainer(value: Any) -> Any:
 
 def plain(kind: str, thing: Any) -> dict[str, Any]:
     """An arm or an effect as plain data, by its name in scene files."""
-    given = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing) if f.init}
-    return {"type": kind} | {name: [*x] if isinstance(x, tuple) else x for name, x in given.items()}
+    values = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing) if f.init}
+    return {"type": kind} | {name: [*x] if isinstance(x, tuple) else x for name, x in values.items()}
 
 
 def with_fields(thing: Thing, **fields: Any) -> Thing:
     """A copy of a frozen dataclass with other fields, also those that are no arguments, unchecked."""
-    made = copy.copy(thing)
+    clone = copy.copy(thing)
     for name, value in fields.items():
-        object.__setattr__(made, name, value)
-    return made
+        object.__setattr__(clone, name, value)
+    return clone
 
 
 def replaced(thing: Any, **fields: Any) -> Any:
     """A frozen dataclass with other arguments, checked by its class. Fields that are no arguments and that
     its class leaves at None, such as the control interval of a scene, stay."""
-    made = dataclasses.replace(thing, **fields)
-    kept = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing) if not f.init}
-    return with_fields(made, **{name: value for name, value in kept.items() if getattr(made, name) is None})
+    new = dataclasses.replace(thing, **fields)
+    previous = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing) if not f.init}
+    return with_fields(new, **{name: value for name, value in previous.items() if getattr(new, name) is None})
 
 
 def warn(text: str) -> None:
@@ -144,10 +144,10 @@ def warn(text: str) -> None:
 
 def check_registered(where: str, kind: str, thing: Any, registry: Mapping[str, type[Any]]) -> None:
     """ValueError if the class of an object has the name of another class, which plain data would create."""
-    own = getattr(thing, "maker", type(thing))
-    there = registry.get(kind, own)
-    if there is not own:
-        mine, other = (f"{c.__module__}.{c.__qualname__}" for c in (own, there))
+    cls = getattr(thing, "maker", type(thing))
+    there = registry.get(kind, cls)
+    if there is not cls:
+        mine, other = (f"{c.__module__}.{c.__qualname__}" for c in (cls, there))
         raise ValueError(
             f"{where} is a {mine}, and {kind!r} in plain data is {other}; give the class a name of its own "
             "and register it"

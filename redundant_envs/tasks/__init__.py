@@ -16,15 +16,15 @@ REGISTRY: dict[str, type[Task]] = {task.name: task for task in classes_in(__name
 """Tasks by their name in ids."""
 
 
-def make_task(given: Mapping[str, Any] | None, name: str) -> Task:
+def make_task(task: Mapping[str, Any] | None, name: str) -> Task:
     """The task of a name, with the numbers of the keyword argument; a "type" in it must be the same name."""
     kind = REGISTRY[name]
-    if given is None:
+    if task is None:
         return kind()
     valid = [field.name for field in dataclasses.fields(kind)]
-    if not isinstance(given, Mapping):
-        raise ValueError(f"task is {shown(given)}; give a mapping of {', '.join(valid)}")
-    check_keys("task", given, ["type", *valid])
-    if given.get("type", name) != name:
-        raise ValueError(f"task.type is {shown(given['type'])} and this is {name}; make the id of that task")
-    return kind(**{key: value for key, value in given.items() if key != "type"})
+    if not isinstance(task, Mapping):
+        raise ValueError(f"task is {shown(task)}; give a mapping of {', '.join(valid)}")
+    check_keys("task", task, ["type", *valid])
+    if task.get("type", name) != name:
+        raise ValueError(f"task.type is {shown(task['type'])} and this is {name}; make the id of that task")
+    return kind(**{key: value for key, value in task.items() if key != "type"})

@@ -110,10 +110,10 @@ class Task:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             where = f"{type(self).__name__}.{field.name}"
-            given: Any = getattr(self, field.name)
-            value = number(where, given)
-            if type(given) not in (int, float):
-                object.__setattr__(self, field.name, plain_data(given))
+            argument: Any = getattr(self, field.name)
+            value = number(where, argument)
+            if type(argument) not in (int, float):
+                object.__setattr__(self, field.name, plain_data(argument))
             low, high = self.ranges.get(field.name, (0.0, math.inf))
             if low >= 0.0 and value <= 0.0:
                 raise ValueError(f"{where} is {value}; it must be positive")
@@ -212,8 +212,8 @@ def hard_stops(scene: Scene) -> list[Limit]:
 def is_confined(scene: Scene) -> bool:
     """Whether hard stops keep every slider within its travel: else the tip may go anywhere."""
     values = scene.parameters()
-    kept = {joint for joint, *ends in hard_stops(scene) if all(math.isfinite(values[end]) for end in ends)}
-    return kept >= {*scene.robot.sliders()}
+    bounded = {joint for joint, *ends in hard_stops(scene) if all(math.isfinite(values[end]) for end in ends)}
+    return bounded >= {*scene.robot.sliders()}
 
 
 @physics

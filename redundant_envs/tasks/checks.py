@@ -46,8 +46,8 @@ def check_task(task: Task, scene: Scene) -> None:
     }  # fmt: skip
     reserved = {name: f"of the engine: {doc}" for name, doc in of_engine.items()}
     for effect in scene.effects:
-        own = (f"{effect.key}.{name}" for name in (*effect.parameters(), *effect.states(arm)))
-        reserved |= dict.fromkeys(map(identifier, own), f"of the effect {type(effect).__name__}")
+        of_effect = (f"{effect.key}.{name}" for name in (*effect.parameters(), *effect.states(arm)))
+        reserved |= dict.fromkeys(map(identifier, of_effect), f"of the effect {type(effect).__name__}")
     check_names(f"{arm.kind}.functions", (name for f in equations for name in gives_of(f)), reserved)
     taken = dict.fromkeys(known, f"of the arm {arm.kind}") | reserved
     of_angles = [name for pair in task.angles.values() for name in pair]
@@ -113,17 +113,17 @@ def _check_captured(task: Task, scene: Scene) -> None:
 def task_described(task: Task, scene: Scene) -> Described:
     """Everything that an environment takes from a task, but for its numbers."""
     functions = (*task.functions(scene), *task.begin_functions)
-    found: Described = {"the number of functions": str(len(functions))}
+    description: Described = {"the number of functions": str(len(functions))}
     for f in functions:
-        found[f"the function of {', '.join(gives_of(f))}"] = baked_numbers.function_described(f)
+        description[f"the function of {', '.join(gives_of(f))}"] = baked_numbers.function_described(f)
     names = ("draws", "memory", "moves", "updates", "metrics", "flags", "labels", "held_outputs", "angles")
-    told = {name: getattr(task, name) for name in (*names, "goal_conditioned", "speed_bound_ends")}
-    told |= {
+    attributes = {name: getattr(task, name) for name in (*names, "goal_conditioned", "speed_bound_ends")}
+    attributes |= {
         "reward_terms": task.reward_terms(scene), "observation": tuple(task.observation(scene)),
         "aliases": task.aliases(scene),
         "start_range": [task.start_range(scene, joint) for joint in range(len(scene.robot.joints))],
     }  # fmt: skip
-    return found | {name: repr(value) for name, value in told.items()}
+    return description | {name: repr(value) for name, value in attributes.items()}
 
 
 def _check_rewards(task: Task, scene: Scene) -> None:

@@ -126,15 +126,15 @@ def observed_rates(arm: Arm) -> Callable[..., Any]:
 
 def observed_travel(arm: Arm) -> list[Callable[..., Any]]:
     """How far each slider is from the middle of its travel."""
-    made = []
+    functions = []
     for k in arm.sliders():
 
         @physics(gives=f"travel{k + 1}_obs", takes=f"phi{k + 1} low{k + 1} high{k + 1}")
         def observed_travel(position, low, high):
             return squash(2.0 * position - low - high, high - low)
 
-        made.append(observed_travel)
-    return made
+        functions.append(observed_travel)
+    return functions
 
 
 @physics(gives="tip_x_obs tip_y_obs tip_vx_obs tip_vy_obs")

@@ -53,17 +53,17 @@ def judge(tips: Array, references: Sequence[Array], tolerance: float, known: Any
 def tips(trial: Sample) -> tuple[Array, list[Array], NDArray[np.bool_]]:
     """Tips at the scene's own step, those of the two references, m, and whether these are valid."""
     ends = trial.shared(own_interval), crossed(trial.scene, *trial.states), exact_in_parts(trial)
-    own, first, second = (trial.arm.forward_kinematics(end.q) for end in ends)
-    return own, [second, first], ends[1].good & ends[2].good & np.isfinite(first - second).all(axis=1)
+    scene_tips, first, second = (trial.arm.forward_kinematics(end.q) for end in ends)
+    return scene_tips, [second, first], ends[1].good & ends[2].good & np.isfinite(first - second).all(axis=1)
 
 
 @check("tip error of the own step", nothing("m, 99 % of the states"))
 def own_step(trial: Sample) -> Finding:
     """The tip error of a control interval at the scene's own step, against dop853 in parts."""
-    own, (best, other), sure = trial.shared(tips)
+    scene_tips, (best, other), sure = trial.shared(tips)
     if not sure.any():
         raise NotApplicable("dop853 crosses no interval of this scene without trouble")
-    off, apart = (np.linalg.norm(x - best, axis=1) for x in (own, other))
+    off, apart = (np.linalg.norm(x - best, axis=1) for x in (scene_tips, other))
     off = np.where(np.isnan(off), np.inf, off)[sure]
     median, high, most = np.median(off), np.quantile(off, 0.99), off.max()
     where = f"median {median:.1e}, max {most:.1e}; references agree to {apart[sure].max():.0e}"
@@ -87,8 +87,8 @@ def tolerance_kept(trial: Sample) -> Finding:
     tolerance = trial.scene.tolerance
     if tolerance is None:
         raise NotApplicable("the scene has no tolerance")
-    own, references, sure = trial.shared(tips)
-    judged, missed, error = judge(own, references, tolerance, sure)
+    scene_tips, references, sure = trial.shared(tips)
+    judged, missed, error = judge(scene_tips, references, tolerance, sure)
     enough(judged, f"references agree to a tenth of it at {np.mean(judged):.0%} of the states only")
     missed &= trial.shared(own_interval).numerics == 0
     share = float(missed.sum() / judged.sum())
@@ -132,15 +132,15 @@ def order(trial: Sample) -> Finding:
         return batch.q @ trial.scene.robot.motor_map / unit
 
     # For each state the first step with that error: some are much faster than others.
-    found, seconds, longest = np.full(len(q), np.nan), 1e-7, CALM * trial.calm[: len(q)]
-    while seconds < longest.max() and np.isnan(found).any():
+    orders, seconds, longest = np.full(len(q), np.nan), 1e-7, CALM * trial.calm[: len(q)]
+    while seconds < longest.max() and np.isnan(orders).any():
         exact = moved("rk8", 8, seconds)
         coarse, fine = (np.abs(moved(name, n, seconds) - exact).max(axis=1) for n in (1, 2))
-        due = np.isnan(found) & ~(fine < FINE) & (seconds <= longest)
-        found = np.where(due, np.log2(coarse / fine), found)
+        due = np.isnan(orders) & ~(fine < FINE) & (seconds <= longest)
+        orders = np.where(due, np.log2(coarse / fine), orders)
         seconds *= GROWTH
-    enough(np.isfinite(found), "the motions of this arm are too simple to show an order above rounding")
-    found = found[np.isfinite(found)]
-    high = float(np.quantile(found, SHARE))
+    enough(np.isfinite(orders), "the motions of this arm are too simple to show an order above rounding")
+    orders = orders[np.isfinite(orders)]
+    high = float(np.quantile(orders, SHARE))
     words = f"{name} has the order {high:.2f}, not {METHODS[name].order}: a coefficient is wrong"
-    return Finding(high - METHODS[name].order, f"{SHARE:.0%} quantile of {len(found)} states", words)
+    return Finding(high - METHODS[name].order, f"{SHARE:.0%} quantile of {len(orders)} states", words)

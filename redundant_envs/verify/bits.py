@@ -47,9 +47,9 @@ def alone(trial: Sample) -> Array:
     return run(trial, batch_of(trial))
 
 
-def differing(trial: Sample, found: Array, what: str, lanes: Array = LANES) -> Finding:
+def differing(trial: Sample, bits: Array, what: str, lanes: Array = LANES) -> Finding:
     """Number of lanes whose bits differ from those of the same states in :func:`alone`."""
-    other = (found != trial.shared(alone)[lanes]).any(axis=1)
+    other = (bits != trial.shared(alone)[lanes]).any(axis=1)
     count = int(other.sum())
     where = f"state {lanes[int(np.argmax(other))]}" if count else ""
     return Finding(count, where, f"{count} of {len(lanes)} lanes have other bits {what}")
@@ -60,17 +60,17 @@ def place(trial: Sample) -> Finding:
     """A lane has the same bits at another index, in batches of 1, of 8 and of 9, and with more threads."""
     order = np.random.default_rng(trial.seed).permutation(LANES)
     orders, threads = (order, order[:1], order[1:9], order[9:18], LANES, LANES), (1, 1, 1, 1, 2, 3)
-    found = [run(trial, batch_of(trial, *how), how[0]) for how in zip(orders, threads, strict=True)]
+    runs = [run(trial, batch_of(trial, *how), how[0]) for how in zip(orders, threads, strict=True)]
     what = "at another index or batch size, or with more threads"
-    return differing(trial, np.concatenate(found), what, np.concatenate(orders))
+    return differing(trial, np.concatenate(runs), what, np.concatenate(orders))
 
 
 @check("bits: neighbours", EQUAL_BITS)
 def neighbours(trial: Sample) -> Finding:
     """A lane has the same bits beside others, some of which are not finite."""
-    batch, own, others = batch_of(trial), LANES[::2], LANES[1::2]
+    batch, lanes, others = batch_of(trial), LANES[::2], LANES[1::2]
     batch.set_state(batch.q[others[::-1]], 1e200 * batch.qd[others], others)
-    return differing(trial, run(trial, batch, without=others)[own], "beside other neighbours", own)
+    return differing(trial, run(trial, batch, without=others)[lanes], "beside other neighbours", lanes)
 
 
 @check("bits: parameters of lanes", EQUAL_BITS, Mode.STANDARD)
@@ -93,11 +93,11 @@ def copies(trial: Sample) -> Finding:
     """A copy, and a pickle of it, continue to the same bits, whatever happens to the original."""
 
     def copied(batch: BatchSimulator) -> Any:
-        made = copy.deepcopy(batch)
+        clone = copy.deepcopy(batch)
         batch.set_state(0.0 * batch.q + trial.states[0][:1], -batch.qd)
         with contextlib.suppress(pickle.PicklingError, AttributeError, TypeError):  # of what a user has made
-            made = pickle.loads(pickle.dumps(made))
-        return made
+            clone = pickle.loads(pickle.dumps(clone))
+        return clone
 
     return _continued(trial, copied, "in a copy")
 
@@ -120,5 +120,5 @@ def snapshots(trial: Sample) -> Finding:
         other.restore(snapshot)
         return other
 
-    found = [_continued(trial, way, "after a snapshot is restored") for way in (restored, taken_over)]
-    return max(found, key=lambda finding: finding.found)
+    findings = [_continued(trial, way, "after a snapshot is restored") for way in (restored, taken_over)]
+    return max(findings, key=lambda finding: finding.found)

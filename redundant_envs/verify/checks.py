@@ -80,7 +80,7 @@ class Sample:
     subject: Subject
     count: int = STATES[Mode.STANDARD]  # of random states
     seed: int = 0  # of the states
-    given: tuple[Array, Array, Array] | None = dataclasses.field(default=None, repr=False, compare=False)
+    chosen: tuple[Array, Array, Array] | None = dataclasses.field(default=None, repr=False, compare=False)
     """States to be judged instead of random ones: ``count`` of them."""
     _kept: dict[Any, Any] = dataclasses.field(default_factory=dict, repr=False, compare=False)
 
@@ -100,7 +100,7 @@ class Sample:
     @cached_property
     def states(self) -> tuple[Array, Array, Array]:
         """Coordinates, velocities and joint efforts, (count, joints) each."""
-        return self.given or random_states(self.scene, self.count, self.seed)
+        return self.chosen or random_states(self.scene, self.count, self.seed)
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
@@ -152,8 +152,8 @@ class Sample:
 
     def worst(self, gaps: Array, names: Iterable[str] = ()) -> tuple[float, str, int]:
         """The largest of (states,) or (states, joints or names, ...) numbers, where it is, and its state."""
-        told = np.where(np.isnan(gaps), np.inf, gaps)
-        place = np.unravel_index(int(np.argmax(told)), told.shape)
+        filled = np.where(np.isnan(gaps), np.inf, gaps)
+        place = np.unravel_index(int(np.argmax(filled)), filled.shape)
         where = f"state {place[0]}"
         if len(place) > 1:
             where += f", {(tuple(names) or self.arm.joints)[place[1]]}"

@@ -72,7 +72,7 @@ def compared(trial: Sample) -> tuple[Array, Array, Array]:
     import mujoco
 
     data, added = mujoco.MjData(model), inverse @ added_inertia(trial) @ inverse.T
-    (q, qd), found = (x[:STATES] @ B for x in trial.states[:2]), []
+    (q, qd), rows = (x[:STATES] @ B for x in trial.states[:2]), []
     for position, rate in zip(q - trial.states[0][pose] @ B, qd, strict=True):
         data.qpos[:], data.qvel[:] = position, rate
         mujoco.mj_forward(model, data)
@@ -82,8 +82,8 @@ def compared(trial: Sample) -> tuple[Array, Array, Array]:
         except TypeError:  # before MuJoCo 4
             mujoco.mj_fullM(model, M, data.qM)
         tip = data.site(f"p{arm.num_masses - 1}").xpos[:2].copy()
-        found.append((unit * M + added, unit * data.qfrc_bias, tip))
-    M, forces, tips = map(np.array, zip(*found, strict=True))
+        rows.append((unit * M + added, unit * data.qfrc_bias, tip))
+    M, forces, tips = map(np.array, zip(*rows, strict=True))
     return M, forces, tips
 
 

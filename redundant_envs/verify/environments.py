@@ -157,5 +157,5 @@ def seeds(trial: Sample) -> Finding:
         actions = np.zeros((STEPS, lanes, *env.single_action_space.shape), np.float32)
         actions[:, :LANES] = _actions(trial, env)
         tables.append([step[:LANES] for step in (_bits(env.reset(seed=5)[0]), *_steps(env, actions))])
-    found = [_differing(tables[0], other, "with threads or more neighbours") for other in tables[1:]]
-    return max(found, key=lambda finding: finding.found)
+    findings = [_differing(tables[0], other, "with threads or more neighbours") for other in tables[1:]]
+    return max(findings, key=lambda finding: finding.found)

@@ -62,8 +62,8 @@ def columns(values: Iterable[Any], count: int) -> Array:
 def slopes(arm: Arm, names: Iterable[str], q: Array) -> Array:
     """Derivatives of quantities of the position by each coordinate, (n, names, joints)."""
     wanted, units = list(names), np.eye(q.shape[1])
-    found = (arm.evaluate(wanted, values_of(arm, q, along=np.broadcast_to(u, q.shape))) for u in units)
-    return np.stack([columns((dual(x).slope for x in each), len(q)) for each in found], axis=-1)
+    values = (arm.evaluate(wanted, values_of(arm, q, along=np.broadcast_to(u, q.shape))) for u in units)
+    return np.stack([columns((dual(x).slope for x in each), len(q)) for each in values], axis=-1)
 
 
 def added_inertia(trial: Sample) -> Array:
@@ -94,23 +94,23 @@ def equations_at(trial: Sample, q: Array) -> Equations:
     return Equations(arm.points(q), slope, M, np.sqrt(np.einsum("nii->ni", M)), change)
 
 
-def found(trial: Sample, gaps: Array, what: str, names: Iterable[str] = ()) -> Finding:
+def finding(trial: Sample, gaps: Array, what: str, names: Iterable[str] = ()) -> Finding:
     return trial.finding(gaps, f"{trial.arm.kind}: {what} by {{:.1e}} of its size", names)
 
 
 @check("mass matrix", AGREE)
 def mass_matrix(trial: Sample) -> Finding:
     """M is the sum of m_k J_k^T J_k over the point masses."""
-    own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
-    gaps = ratio(own - e.M, e.scale[:, :, None] * e.scale[:, None, :])
-    return found(trial, gaps, "M contradicts the point masses")
+    M, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
+    gaps = ratio(M - e.M, e.scale[:, :, None] * e.scale[:, None, :])
+    return finding(trial, gaps, "M contradicts the point masses")
 
 
 @check("mass matrix is positive", at_least(1e-14))
 def positive(trial: Sample) -> Finding:
     """The smallest eigenvalue of M, with ones on its diagonal; below 1e-14 rounding may make it negative."""
-    own, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
-    scaled = own / (e.scale[:, :, None] * e.scale[:, None, :])
+    M, e = trial.arm.mass_matrix(trial.poses[0]), trial.shared(at_poses)
+    scaled = M / (e.scale[:, :, None] * e.scale[:, None, :])
     if not np.isfinite(scaled).all():
         return Finding(np.nan, "", f"{trial.arm.kind}: M is not finite, or a joint moves no mass")
     least = np.linalg.eigvalsh(0.5 * (scaled + np.swapaxes(scaled, 1, 2)))[:, 0]
@@ -132,7 +132,7 @@ def bias_forces(trial: Sample) -> Finding:
     least = LEAST * np.square(e.scale * qd).sum(axis=1) / e.scale.max(axis=1)
     size = np.maximum((sizes / e.scale).max(axis=1), least)[:, None]
     gaps = ratio((trial.arm.bias_forces(q, qd) - expected) / e.scale, size)
-    return found(trial, gaps, "h contradicts the derivatives of M")
+    return finding(trial, gaps, "h contradicts the derivatives of M")
 
 
 @check("Coriolis matrix", AGREE, Mode.STANDARD)
@@ -149,7 +149,7 @@ def coriolis(trial: Sample) -> Finding:
     power = (np.einsum("nij,nj->ni", C, qd) - arm.bias_forces(q, qd)) / e.scale
     moved = size * (e.scale * np.abs(qd)).max(axis=1)
     gaps = np.concatenate([gaps, ratio(power, moved[:, None])[:, :, None]], axis=2)
-    return found(trial, gaps, "C contradicts M or h")
+    return finding(trial, gaps, "C contradicts M or h")
 
 
 @check("gravity forces", AGREE)
@@ -159,12 +159,12 @@ def gravity_forces(trial: Sample) -> Finding:
     masses, joints = np.array(arm.masses), len(arm.joints)
     gaps = []
     for axis, field in enumerate(({"ax": 1.0, "ay": 0.0}, {"ax": 0.0, "ay": 1.0})):
-        own = table(arm, [*numbered("G{}", joints), "U"], values_of(arm, q) | field, len(q))
+        values = table(arm, [*numbered("G{}", joints), "U"], values_of(arm, q) | field, len(q))
         weights, heights = masses @ e.slopes[:, :, axis], masses * e.points[:, :, axis]
-        gaps.append(ratio(own[:, :-1] - weights, e.scale * np.sqrt(masses.sum())))
-        gaps.append(ratio(own[:, -1] - heights.sum(axis=1), np.abs(heights).sum(axis=1))[:, None])
+        gaps.append(ratio(values[:, :-1] - weights, e.scale * np.sqrt(masses.sum())))
+        gaps.append(ratio(values[:, -1] - heights.sum(axis=1), np.abs(heights).sum(axis=1))[:, None])
     names = (*arm.joints, "energy") * 2
-    return found(trial, np.concatenate(gaps, axis=1), "G or U contradicts the point masses", names)
+    return finding(trial, np.concatenate(gaps, axis=1), "G or U contradicts the point masses", names)
 
 
 @check("kinetic energy", AGREE)
@@ -173,7 +173,7 @@ def kinetic_energy(trial: Sample) -> Finding:
     (q, qd), e = trial.poses, trial.shared(at_poses)
     expected = 0.5 * np.einsum("ni,nij,nj->n", qd, e.M, qd)
     size = 0.5 * (e.scale * np.abs(qd)).sum(axis=1) ** 2
-    return found(trial, ratio(trial.arm.kinetic_energy(q, qd) - expected, size), "T contradicts the masses")
+    return finding(trial, ratio(trial.arm.kinetic_energy(q, qd) - expected, size), "T contradicts the masses")
 
 
 @check("forward dynamics", AGREE)
@@ -186,7 +186,7 @@ def forward_dynamics(trial: Sample) -> Finding:
     values = values_of(arm, q, qd) | TILTED | {f"Q{k + 1}": Q[:, k] for k in range(n)}
     qdd, G = (table(arm, numbered(form, n), values, len(q)) for form in ("qdd{}", "G{}"))
     gaps, _ = residual(arm.mass_matrix(q), qdd, (arm.bias_forces(q, qd), G, -Q), e.scale)
-    return found(trial, gaps, "the accelerations contradict M qdd + h + G = Q")
+    return finding(trial, gaps, "the accelerations contradict M qdd + h + G = Q")
 
 
 def residual(M: Array, qdd: Array, forces: tuple[Array, ...], scale: Array) -> tuple[Array, Array]:
@@ -206,8 +206,8 @@ def mobility_bounds(trial: Sample) -> Finding:
     B, names = arm.motor_map, numbered("W{}", len(arm.joints))
     bounds = np.array(Quantities(arm.parameter_values(), (arm.mobility_bounds,), {}).each(names), float)
     q = np.concatenate([q, trial.square])
-    own = np.einsum("ji,njk,ki->ni", B, np.linalg.inv(arm.mass_matrix(q)), B) / bounds
-    return trial.finding(own, f"{arm.kind}: the mobility is {{:.3g}} of its bound: error control trusts it")
+    share = np.einsum("ji,njk,ki->ni", B, np.linalg.inv(arm.mass_matrix(q)), B) / bounds
+    return trial.finding(share, f"{arm.kind}: the mobility is {{:.3g}} of its bound: error control trusts it")
 
 
 @check("sliders held and struck", AGREE)
@@ -217,7 +217,7 @@ def sliders(trial: Sample) -> Finding:
     slides = arm.sliders()
     if not slides:
         raise NotApplicable("the arm has no slider")
-    n, dynamics, own = len(arm.joints), Dynamics(trial.scene), arm.mass_matrix(q)
+    n, dynamics, M = len(arm.joints), Dynamics(trial.scene), arm.mass_matrix(q)
     Q = np.random.default_rng(trial.seed + 2).normal(0.0, 5.0, q.shape) * e.scale
     gaps = []
     for held in dict.fromkeys((tuple(slides), *((k,) for k in slides))):
@@ -230,11 +230,11 @@ def sliders(trial: Sample) -> Finding:
         qdd, hold = columns(x.each(numbered("qdd{}", n)), len(q)), np.zeros_like(q)
         hold[:, held] = columns(x.each(f"hold{k + 1}" for k in held), len(q))
         h, G = arm.bias_forces(q, rates), table(arm, numbered("G{}", n), values_of(arm, q) | TILTED, len(q))
-        left, size = residual(own, qdd, (h, G, -Q, -hold), e.scale)
+        left, size = residual(M, qdd, (h, G, -Q, -hold), e.scale)
         gaps += [left, ratio(np.where(np.isin(range(n), held), qdd, 0.0) * e.scale, size)]
     for k in slides:
         W = columns(x.each(f"W{i + 1}{k + 1}" for i in range(n)), len(q))
-        most = (np.einsum("nij,nj->ni", np.abs(own), np.abs(W)) / e.scale).max(axis=1, keepdims=True)
-        gaps.append(ratio((np.einsum("nij,nj->ni", own, W) - np.eye(n)[k]) / e.scale, most))
+        most = (np.einsum("nij,nj->ni", np.abs(M), np.abs(W)) / e.scale).max(axis=1, keepdims=True)
+        gaps.append(ratio((np.einsum("nij,nj->ni", M, W) - np.eye(n)[k]) / e.scale, most))
     words = "held_dynamics or slider_mobility contradicts M"
-    return found(trial, np.concatenate(gaps, axis=1), words, arm.joints * len(gaps))
+    return finding(trial, np.concatenate(gaps, axis=1), words, arm.joints * len(gaps))

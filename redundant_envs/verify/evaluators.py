@@ -34,10 +34,10 @@ class Ended(NamedTuple):
 
 def compiled(trial: Sample) -> Ended:
     """States at the end of an interval by compiled code, for those whose interval needs few evaluations."""
-    own = trial.calm_scene
-    steps = min(own.substeps, MAX_STEPS)
-    seconds = max(own.control_dt / own.substeps * steps, SHORTEST_INTERVAL)
-    scene = dataclasses.replace(own, control_dt=seconds, substeps=steps)
+    calm_scene = trial.calm_scene
+    steps = min(calm_scene.substeps, MAX_STEPS)
+    seconds = max(calm_scene.control_dt / calm_scene.substeps * steps, SHORTEST_INTERVAL)
+    scene = dataclasses.replace(calm_scene, control_dt=seconds, substeps=steps)
     q, qd, efforts = trial.states
     batch = BatchSimulator(scene, len(q), track_work=True)
     dynamics, ends = batch.simulator.dynamics, []
@@ -72,12 +72,12 @@ def direct(trial: Sample, lanes: Array, convert: Callable[[Array], Any]) -> Arra
     return np.stack([np.broadcast_to(np.asarray(lane[s]), len(lanes)) for s in states], axis=1)
 
 
-def agreement(trial: Sample, found: Array, other: str) -> Finding:
+def agreement(trial: Sample, actual: Array, other: str) -> Finding:
     """The largest difference of an evaluator from compiled code."""
-    expected = trial.shared(compiled).states[: len(found)]
+    expected = trial.shared(compiled).states[: len(actual)]
     joints = len(trial.arm.joints)
     size = np.abs(expected).reshape(len(expected), 2, joints).max(axis=(0, 2))
-    gaps = ratio(found - expected, np.repeat(size, joints))
+    gaps = ratio(actual - expected, np.repeat(size, joints))
     words = f"compiled code and {other} are {{:.1e}} apart after an interval"
     return trial.finding(gaps, words, (*trial.arm.coordinates, *trial.arm.rates))
 

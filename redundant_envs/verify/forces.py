@@ -29,8 +29,8 @@ def potentials(trial: Sample) -> Finding:
     """Every conservative force is minus the slope of its potential, beyond the travel and turns, too."""
     attached = trial.scene.attached
     booked = {a.key for a in attached if isinstance(a.hook, Field) or "conservative" in a.functions}
-    found = [_potential(trial, x, trial.poses[0]) for x in trial.scene.effects if x.key in booked]
-    return worst_of(found, "no effect has a potential")
+    findings = [_potential(trial, x, trial.poses[0]) for x in trial.scene.effects if x.key in booked]
+    return worst_of(findings, "no effect has a potential")
 
 
 def _potential(trial: Sample, effect: Effect, q: Array) -> Finding:
@@ -77,12 +77,12 @@ CONTINUOUS = 1e-9  # largest jump of a force where its law changes, in units of 
 @check("forces at their switches", at_most(CONTINUOUS))
 def forces_at_switches(trial: Sample) -> Finding:
     """Both laws of a force with a ``switch`` meet there, at random rates, with initial states."""
-    found = [
+    findings = [
         _jump(trial, a, limit, side)
         for a in trial.scene.attached.of(Force)
         for limit, side in zip(a.hook.switch or (), (-1.0, 1.0), strict=False)
     ]
-    return worst_of(found, "no force changes its law at a position")
+    return worst_of(findings, "no force changes its law at a position")
 
 
 def _jump(trial: Sample, a: Attached[Force], limit: str, side: float) -> Finding:

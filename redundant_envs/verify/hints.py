@@ -103,16 +103,16 @@ def cases(trial: Sample, which: str) -> Iterator[tuple[Attached[Force], Motion]]
 
 def hinted(trial: Sample, which: str) -> Finding:
     """The largest ratio of the actual to the declared stiffness or damping of forces."""
-    found = []
+    findings = []
     for a, motion in cases(trial, which):
         if which == "stiffness":
             motion = Motion(motion.dynamics, motion.joints, 0.0 * motion.rates)
-        own = motion.slopes(a, which == "damping")
-        said = np.broadcast_to(a.functions[which](motion.values()), own.shape)
-        gap, where, state = trial.worst(np.where(np.isfinite(said), ratio(own, said), np.nan))
-        words = f"{a.key}: {which}= gives {said[state]:.6g} where it is {own[state]:.6g}; give the largest"
-        found.append(Finding(gap, f"{where}, {a.key}", words))
-    return worst_of(found, f"no force declares a {which}")
+        actual = motion.slopes(a, which == "damping")
+        said = np.broadcast_to(a.functions[which](motion.values()), actual.shape)
+        gap, where, state = trial.worst(np.where(np.isfinite(said), ratio(actual, said), np.nan))
+        words = f"{a.key}: {which}= gives {said[state]:.6g} where it is {actual[state]:.6g}; give the largest"
+        findings.append(Finding(gap, f"{where}, {a.key}", words))
+    return worst_of(findings, f"no force declares a {which}")
 
 
 @check("declared stiffness", SHORT)
@@ -131,7 +131,7 @@ def damping(trial: Sample) -> Finding:
 def dampers(trial: Sample) -> Finding:
     """A force that declares a damping dissipates energy: the part that its own rate causes has no positive
     power. Rates of other joints are left out: a damper between two joints may drive one of them."""
-    found = []
+    findings = []
     for a, motion in cases(trial, "damping"):
         count = len(motion.joints)
         if isinstance(a.hook.joint, Point):
@@ -153,8 +153,8 @@ def dampers(trial: Sample) -> Finding:
         words = (
             f"{a.key}: declares a damping, and its rate adds {power[state]:.3g} W; turn the sign of the force"
         )
-        found.append(Finding(gap, f"{where}, {a.key}", words))
-    return worst_of(found, "no force declares a damping")
+        findings.append(Finding(gap, f"{where}, {a.key}", words))
+    return worst_of(findings, "no force declares a damping")
 
 
 @check("declared rates of states", SHORT)
@@ -162,29 +162,30 @@ def rates_of_states(trial: Sample) -> Finding:
     """Derivatives of the rates of change of effects' states by these states, and the fastest motion of the
     states of a hook together, in units of the rates that they declare."""
     dynamics, (q, qd, efforts) = Dynamics(trial.scene), trial.states
-    B, found = dynamics.arm.motor_map, []
+    B, findings = dynamics.arm.motor_map, []
     motion = Motion(dynamics, q @ B, qd @ B, efforts)
     for a in dynamics.scene.attached:
-        states = {field: own for field, own in a.states.items() if "derivative" in own}
+        states = {field: functions for field, functions in a.states.items() if "derivative" in functions}
         said = [j for j, functions in enumerate(states.values()) if "rate" in functions]
         if not said:
             continue
         names = [dynamics.effect_states[field].name for field in states]
         plain = motion.values()
-        own, declared = np.zeros((len(q), len(states), len(states))), np.full((len(states), len(q)), np.nan)
+        slopes = np.zeros((len(q), len(states), len(states)))
+        declared = np.full((len(states), len(q)), np.nan)
         for j, (field, functions) in enumerate(states.items()):
             x = motion.values({field: Dual(np.broadcast_to(plain[field], len(q)), 1.0)})
             for i, other in enumerate(states.values()):
-                own[:, i, j] = dual(other["derivative"](x)).slope
+                slopes[:, i, j] = dual(other["derivative"](x)).slope
             if "rate" in functions:
                 declared[j] = functions["rate"](x)
-        gaps = [ratio(own[:, j, j], declared[j]) for j in said]
-        if len(said) == len(states) and np.isfinite(own).all():
-            gaps.append(ratio(np.abs(np.linalg.eigvals(own)).max(axis=1), declared.max(axis=0)))
+        gaps = [ratio(slopes[:, j, j], declared[j]) for j in said]
+        if len(said) == len(states) and np.isfinite(slopes).all():
+            gaps.append(ratio(np.abs(np.linalg.eigvals(slopes)).max(axis=1), declared.max(axis=0)))
         most, where, _ = trial.worst(np.stack(gaps, axis=1), [*(names[j] for j in said), "together"])
         words = f"{a.key}: states change {most:.3g} times as fast as their rate= says; give the largest"
-        found.append(Finding(most, f"{where}, {a.key}", words))
-    return worst_of(found, "no state declares a rate")
+        findings.append(Finding(most, f"{where}, {a.key}", words))
+    return worst_of(findings, "no state declares a rate")
 
 
 SOLVED = at_most(1e-9)  # rounding is 1e-15 times the time in time constants, a wrong factor 1e-3 and more
@@ -198,32 +199,32 @@ def closed_forms(trial: Sample) -> Finding:
     state, at the values that it gives, with all other quantities constant."""
     dynamics, (q, qd, efforts) = Dynamics(trial.scene), trial.states
     x = Motion(dynamics, q @ dynamics.arm.motor_map, qd @ dynamics.arm.motor_map, efforts).values()
-    states = ((a, field, own) for a in dynamics.scene.attached for field, own in a.states.items())
-    found = [_closed_form(trial, x, *state) for state in states if "closed" in state[2]]
-    return worst_of(found, "no state has a closed form")
+    states = ((a, field, functions) for a in dynamics.scene.attached for field, functions in a.states.items())
+    findings = [_closed_form(trial, x, *state) for state in states if "closed" in state[2]]
+    return worst_of(findings, "no state has a closed form")
 
 
-def _closed_form(trial: Sample, x: Quantities, a: Attached[Any], field: str, own: Functions) -> Finding:
+def _closed_form(trial: Sample, x: Quantities, a: Attached[Any], field: str, functions: Functions) -> Finding:
     """The largest gap between a closed form and its derivative, in units of the largest derivative."""
     count, interval = len(trial.states[0]), trial.scene.control_dt
     rng = np.random.default_rng(trial.seed + 9)
     times = interval * 10.0 ** -rng.uniform(0.0, DECADES, count)
 
     def at(function: str, value: Any, time: Any = 0.0) -> Any:
-        given = {field: value, TIME: time}
-        return own[function].on(given[n] if n in given else x[n] for n in own[function].names)
+        values = {field: value, TIME: time}
+        return functions[function].on(values[n] if n in values else x[n] for n in functions[function].names)
 
     later = np.broadcast_to(at("closed", x[field], interval), count)
     size = np.where(later == 0.0, 1.0, np.abs(later))
     start = size * rng.uniform(-SPREAD, SPREAD, count)
-    kept = np.abs(at("closed", start) - start)
+    jump = np.abs(at("closed", start) - start)
     then = dual(at("closed", start, Dual(times, np.ones(count))))
     slope, rate = np.broadcast_arrays(then.slope, at("derivative", then.value))
     sizes = at("derivative", start), slope, rate, (np.abs(start) + np.abs(then.value)) / interval
     largest = np.abs(np.broadcast_arrays(*sizes)).max(axis=0)
-    most, where, state = trial.worst(np.maximum(ratio(slope - rate, largest), ratio(kept, size)))
+    most, where, state = trial.worst(np.maximum(ratio(slope - rate, largest), ratio(jump, size)))
     words = (
-        f"{a.key}: closed= of {field!r} changes by {slope[state]:.6g} per second, and by {kept[state]:.3g} "
+        f"{a.key}: closed= of {field!r} changes by {slope[state]:.6g} per second, and by {jump[state]:.3g} "
         f"at once; its derivative= is {rate[state]:.6g}: give the solution with all other quantities constant"
     )
     return Finding(most, f"{where}, {a.key}", words)
@@ -257,14 +258,14 @@ def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
     for a in dynamics.scene.attached:
         parts: list[Functions] = [a.functions, *a.states.values()]
         for field, function in (named for part in parts for named in part.items()):
-            found = function(x) if field != "kink" else ()
-            for value in found if isinstance(found, tuple) else (found,):
+            returned = function(x) if field != "kink" else ()
+            for value in returned if isinstance(returned, tuple) else (returned,):
                 yield f"{field} of {a.key}", value
     others = (f"the change of {name}" for name in dynamics.states[2 * dynamics.count :])
     names = [*numbered("qdd{}", len(arm.joints)), *others]
     yield from zip(names, dynamics.accelerations(motion.values()), strict=True)
     x.update({f"t{k + 1}": 0.0 for k in range(len(arm.joints))})
-    given = {name for f in (*arm.functions, arm.column_norms) for name in gives_of(f)}
+    outputs = {name for f in (*arm.functions, arm.column_norms) for name in gives_of(f)}
     all_of_them = Quantities(x, (*dynamics.functions, arm.column_norms), arm.sincos)
-    for name in sorted(n for n in given if OWN_NAMES.fullmatch(n) or n in OF_LANES):
+    for name in sorted(n for n in outputs if OWN_NAMES.fullmatch(n) or n in OF_LANES):
         yield name, all_of_them[name]

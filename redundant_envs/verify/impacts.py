@@ -18,17 +18,17 @@ digits by the condition of M, at most 1e6 for reasonable arms; the time after it
 
 def stops(trial: Sample) -> list[tuple[int, float, float, float]]:
     """For every joint with stops: joint, lower and upper end, restitution."""
-    found = [
+    rows = [
         (a.hook.joint, *map(a.number, (a.hook.lower, a.hook.upper, a.hook.restitution)))
         for a in trial.scene.attached.of(Impact)
     ]
-    if not found:
+    if not rows:
         raise NotApplicable("the scene has no hard stops")
-    if not any(np.isfinite(x[1:3]).any() for x in found):
+    if not any(np.isfinite(x[1:3]).any() for x in rows):
         raise NotApplicable("no stop has an end")
     if trial.scene.attached.of(Impulse):
         raise NotApplicable("impulses of effects change the velocities as well")
-    return found  # type: ignore[return-value]
+    return rows  # type: ignore[return-value]
 
 
 @check("impacts: velocities", AGREE)

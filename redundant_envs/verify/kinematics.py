@@ -12,7 +12,7 @@ from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.tasks.base import full_reach
 from redundant_envs.verify.checks import Array, Sample, check, ratio
-from redundant_envs.verify.equations import AGREE, at_poses, columns, found, slopes, table, values_of
+from redundant_envs.verify.equations import AGREE, at_poses, columns, finding, slopes, table, values_of
 from redundant_envs.verify.promises import Finding, at_least, at_most
 
 
@@ -29,7 +29,8 @@ def jacobian(trial: Sample) -> Finding:
         ratio(velocity - np.einsum("naj,nj->na", tip, qd), speed.max(axis=1, keepdims=True)),
     ]
     names = (*arm.joints, "tip x", "tip y", "velocity x", "velocity y")
-    return found(trial, np.concatenate(gaps, axis=1), "J, tip or its velocity contradicts the points", names)
+    words = "J, tip or its velocity contradicts the points"
+    return finding(trial, np.concatenate(gaps, axis=1), words, names)
 
 
 @check("rate of the Jacobian", AGREE)
@@ -39,7 +40,7 @@ def jacobian_rate(trial: Sample) -> Finding:
     change = slopes(arm, entries("J", 2, joints), q).reshape(len(q), 2, joints, joints)
     size = np.einsum("najk,nj,nk->na", np.abs(change), np.abs(qd), np.abs(qd)).max(axis=1, keepdims=True)
     gaps = ratio(arm.jacobian_dot_qd(q, qd) - np.einsum("najk,nj,nk->na", change, qd, qd), size)
-    return found(trial, gaps, "Jdqd contradicts the derivatives of J", ("x", "y"))
+    return finding(trial, gaps, "Jdqd contradicts the derivatives of J", ("x", "y"))
 
 
 @check("joints", AGREE)
@@ -53,7 +54,7 @@ def joints(trial: Sample) -> Finding:
     size, most = np.abs(qd).sum(axis=1, keepdims=True), np.abs(q).sum(axis=1, keepdims=True)
     gaps = [ratio(rates - moved, size), ratio(rates - qd @ arm.motor_map, size), ratio(again - q, most)]
     words = "phi, phid, Q and coordinates_of_joints contradict each other"
-    return found(trial, np.concatenate(gaps, axis=1), words, arm.joints * 3)
+    return finding(trial, np.concatenate(gaps, axis=1), words, arm.joints * 3)
 
 
 @check("motions of points", AGREE)
@@ -66,8 +67,8 @@ def motions(trial: Sample) -> Finding:
         names = [form.format(axis, k + 1) for k in range(points) for axis in axes]
         return table(arm, names, values_of(arm, q, qd), count)
 
-    own = np.stack([quantities(f"{{}}{{}}{j + 1}", "XY") for j in range(joints)], axis=-1)
-    slope = e.slopes.reshape(own.shape)
+    jacobians = np.stack([quantities(f"{{}}{{}}{j + 1}", "XY") for j in range(joints)], axis=-1)
+    slope = e.slopes.reshape(jacobians.shape)
     values = values_of(arm, q)
     values |= {name: Dual(Dual(q[:, k], qd[:, k]), Dual(qd[:, k])) for k, name in enumerate(arm.coordinates)}
     positions = arm.evaluate([f"{axis}{k + 1}" for k in range(points) for axis in "xy"], values)
@@ -75,13 +76,13 @@ def motions(trial: Sample) -> Finding:
     most = np.einsum("naj,nj->na", np.abs(slope), np.abs(qd)).max(axis=1)
     faster = np.maximum(np.abs(change).max(axis=1), most * np.abs(qd).max(axis=1))
     gaps = [
-        ratio(own - slope, np.linalg.norm(e.slopes, axis=2).max(axis=(0, 1))).max(axis=2),
+        ratio(jacobians - slope, np.linalg.norm(e.slopes, axis=2).max(axis=(0, 1))).max(axis=2),
         ratio(quantities("v{}{}", "xy") - np.einsum("naj,nj->na", slope, qd), most[:, None]),
         ratio(quantities("{}dqd{}", "XY") - change, faster[:, None]),
     ]
     names = [f"point {k + 1} {axis}" for k in range(points) for axis in "xy"]
     words = "X, Y, vx, vy, Xdqd or Ydqd of a point mass contradicts its position"
-    return found(trial, np.concatenate(gaps, axis=1), words, names * 3)
+    return finding(trial, np.concatenate(gaps, axis=1), words, names * 3)
 
 
 @check("angular momentum", AGREE)
@@ -97,17 +98,19 @@ def angular_momentum(trial: Sample) -> Finding:
             share = a.number(a.hook.inertia) * rates[:, list(a.hook.joints)].sum(axis=1)
             expected, size = expected + share, size + np.abs(share)
     gaps = ratio(arm.angular_momentum(q, qd) - expected, size)
-    return found(trial, gaps, "Lz contradicts the point masses")
+    return finding(trial, gaps, "Lz contradicts the point masses")
 
 
 @check("manipulability", AGREE)
 def manipulability(trial: Sample) -> Finding:
     """Its square is det J J^T, and not negative: near a singular pose a root has only half the digits."""
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
-    own, tip = arm.manipulability(q), e.slopes[:, -1]
+    values, tip = arm.manipulability(q), e.slopes[:, -1]
     x, y = (np.square(tip[:, axis]).sum(axis=1) for axis in range(2))
-    gaps = ratio(np.copysign(np.square(own), own) - np.linalg.det(np.einsum("naj,nbj->nab", tip, tip)), x * y)
-    return found(trial, gaps, "manipulability contradicts the derivatives of the tip")
+    gaps = ratio(
+        np.copysign(np.square(values), values) - np.linalg.det(np.einsum("naj,nbj->nab", tip, tip)), x * y
+    )
+    return finding(trial, gaps, "manipulability contradicts the derivatives of the tip")
 
 
 @check("column norms", AGREE)
@@ -116,8 +119,8 @@ def column_norms(trial: Sample) -> Finding:
     arm, (q, _), e = trial.arm, trial.poses, trial.shared(at_poses)
     x = Quantities(values_of(arm, q), (*arm.functions, arm.column_norms), arm.sincos)
     expected = np.linalg.norm(e.slopes[:, -1], axis=1)
-    own = columns(x.each(numbered("n{}", len(arm.joints))), len(q))
-    return found(trial, ratio(own - expected, expected.max(axis=0)), "column_norms contradicts the tip")
+    norms = columns(x.each(numbered("n{}", len(arm.joints))), len(q))
+    return finding(trial, ratio(norms - expected, expected.max(axis=0)), "column_norms contradicts the tip")
 
 
 @check("reach", at_most(1.0 + 1e-9))

@@ -33,9 +33,9 @@ class Promise(NamedTuple):
     unit: str  # "" for a ratio
     relation: str  # "at most", "at least", "" or "equal bits": of the lanes that differ it promises none
 
-    def holds(self, found: float) -> bool:
+    def holds(self, value: float) -> bool:
         """Whether a number is as promised; NaN never is."""
-        return found >= self.bound if self.relation == "at least" else found <= self.bound
+        return value >= self.bound if self.relation == "at least" else value <= self.bound
 
     def __str__(self) -> str:
         if self.relation in ("", "equal bits"):

@@ -48,8 +48,8 @@ def motion(scene: rde.Scene, work: bool = False, varied: bool = False) -> Iterat
     batch.set_state(q, 6.0 * rng.random((LANES, 4)) - 3.0)
     if varied:
         lengths = 0.3 + 0.4 * rng.random((LANES, scene.robot.num_lengths))
-        own = {"masses": 0.5 + 2.0 * rng.random((LANES, 4)), "lengths": lengths}
-        batch.set_parameters({**own, "viscous_friction.coefficients": rng.random((LANES, 4))})
+        parameters = {"masses": 0.5 + 2.0 * rng.random((LANES, 4)), "lengths": lengths}
+        batch.set_parameters({**parameters, "viscous_friction.coefficients": rng.random((LANES, 4))})
     for _ in range(INTERVALS):
         yield from outcome(batch, 12.0 * rng.random((LANES, 4)) - 6.0)
 
@@ -77,10 +77,10 @@ def episodes(name: str) -> Iterator[Array]:
     arguments = dict(ENTRIES["environments"][name])
     if method := arguments.pop("integrator", None):
         scene = rde.load_scene(arguments["scene"])
-        kept = tuple(x for x in scene.effects if not isinstance(x, e.EffortLimits))
-        effects = (*kept, e.EffortLimits((20.0, 16.0, 8.0, 4.0)))
-        own = dataclasses.replace(scene, integrator=method, tolerance=None, effects=effects)
-        arguments["scene"] = own.to_dict()
+        others = tuple(x for x in scene.effects if not isinstance(x, e.EffortLimits))
+        effects = (*others, e.EffortLimits((20.0, 16.0, 8.0, 4.0)))
+        variant = dataclasses.replace(scene, integrator=method, tolerance=None, effects=effects)
+        arguments["scene"] = variant.to_dict()
     for mode in ("same_step", "next_step"):
         env = gym.make_vec(
             f"redundant_envs/{name.split()[0]}", num_envs=LANES, max_episode_steps=20,

@@ -97,11 +97,11 @@ def about(subject: Subject) -> str:
 def cells(outcome: Outcome) -> tuple[str, str, str, str, str]:
     """A line of the table."""
     finding, promise = outcome.finding, outcome.promise
-    found = "" if math.isnan(finding.found) else f"{finding.found:.3g}"
+    value = "" if math.isnan(finding.found) else f"{finding.found:.3g}"
     if outcome.verdict is Verdict.MEASURED and promise.unit:
-        found += f" {promise.unit.partition(',')[0]}"
+        value += f" {promise.unit.partition(',')[0]}"
     promised = str(promise) if outcome.verdict is not Verdict.MEASURED else promise.unit.partition(", ")[2]
-    return outcome.check, found, promised, outcome.verdict.value, finding.where
+    return outcome.check, value, promised, outcome.verdict.value, finding.where
 
 
 def text_table(outcomes: Iterable[Outcome]) -> str:
@@ -148,17 +148,17 @@ def run(words: Sequence[str], states: int | None, mode: str, json_file: Path | N
     checks = len(checks_in(chosen))
     with counted("verify", checks * len(subjects), checks) as done:
         for subject in subjects:
-            title, found = about(subject), verify(subject, states, chosen, done)
-            reports.append((title, found))
-            say(f"{title}\n{text_table(found.outcomes)}")
-            for note in notes(found.outcomes):
+            title, report = about(subject), verify(subject, states, chosen, done)
+            reports.append((title, report))
+            say(f"{title}\n{text_table(report.outcomes)}")
+            for note in notes(report.outcomes):
                 say(f"  {subject.name}: {note}")
             say(flush=True)
     if json_file is not None:
         write_text(json_file, as_json(reports))
     missed = sum(len(r.misses) for _, r in reports)
-    kept = sum(o.verdict is Verdict.KEPT for _, r in reports for o in r.outcomes)
-    say(f"{kept} promises kept, {missed} missed")
+    num_kept = sum(o.verdict is Verdict.KEPT for _, r in reports for o in r.outcomes)
+    say(f"{num_kept} promises kept, {missed} missed")
     if missed:
         say(f"redundant_envs: verify found {missed} broken promise{'s'[: missed > 1]}", file=sys.stderr)
     return int(missed > 0)

@@ -105,8 +105,8 @@ def _imported(word: str) -> Any:
         raise ValueError(f"{word}: {error}; give modules that lie in this folder, or install them") from None
     for part in path.split("."):
         if not hasattr(thing, part):
-            own = [n for n, v in vars(thing).items() if issubclass(kind_of(v), Arm | Scene | Effect | Task)]
-            raise ValueError(f"{word}: {module} has no {part!r}; verify takes {', '.join(own) or 'nothing'}")
+            keys = [n for n, v in vars(thing).items() if issubclass(kind_of(v), Arm | Scene | Effect | Task)]
+            raise ValueError(f"{word}: {module} has no {part!r}; verify takes {', '.join(keys) or 'nothing'}")
         thing = getattr(thing, part)
     return thing
 

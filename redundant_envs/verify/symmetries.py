@@ -42,8 +42,8 @@ def momentum(trial: Sample) -> Finding:
     e, elsewhere = trial.shared(from_points), equations_at(trial, q + MOVE * base)
     if not ratio(elsewhere.M - e.M, e.scale[:, :, None] * e.scale[:, None, :]).max() <= RIGID:
         raise NotApplicable("the first joint moves the masses against each other")
-    kept = effects_with(trial, lambda h: isinstance(h, PointMass | Inertia))
-    scene = Scene(robot, kept, control_dt=trial.calm_scene.control_dt)
+    effects = effects_with(trial, lambda h: isinstance(h, PointMass | Inertia))
+    scene = Scene(robot, effects, control_dt=trial.calm_scene.control_dt)
     end = crossed(scene, q, qd, np.where(np.arange(q.shape[1]) == 0, 0.0, efforts))
     ends = (e, qd), (equations_at(trial, end.q), end.qd)
     before, then = ((at.M * base * rates[:, :, None]).reshape(len(q), -1) for at, rates in ends)
@@ -65,8 +65,8 @@ def time_reversal(trial: Sample) -> Finding:
         return of_force or isinstance(h, PointMass | Inertia) or (isinstance(h, Field) and not h.states)
 
     (q, qd, efforts), seconds = trial.states, trial.calm_scene.control_dt
-    kept = effects_with(trial, conserves)
-    scene = Scene(trial.scene.robot, kept, "dop853", seconds, actuation=trial.scene.actuation)
+    effects = effects_with(trial, conserves)
+    scene = Scene(trial.scene.robot, effects, "dop853", seconds, actuation=trial.scene.actuation)
     batch = BatchSimulator(scene, len(q))
     batch.set_state(q, qd)
     good = (batch.advance(efforts).numerics == 0) & (trial.calm >= seconds)
@@ -93,8 +93,8 @@ def scaled(trial: Sample, field: str, time: float, factors: tuple[Any, Any, Any]
     if more := [name for name in arm.parameter_values() if not (name[0] in "ml" and name[1:].isdigit())]:
         raise NotApplicable(f"the arm has {', '.join(more)} beside masses and lengths")
     other = dataclasses.replace(arm, **{field: tuple(4.0 * x for x in getattr(arm, field))})
-    own = trial.scene.control_dt / trial.scene.substeps
-    step = float(2.0 ** np.floor(np.log2(np.clip(own, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
+    substep = trial.scene.control_dt / trial.scene.substeps
+    step = float(2.0 ** np.floor(np.log2(np.clip(substep, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
     (q, qd, efforts), ends = trial.states, []
     for moving, times, (by_q, by_qd, by_effort) in ((arm, 1.0, (1.0, 1.0, 1.0)), (other, time, factors)):
         batch = BatchSimulator(Scene(moving, (Gravity(8.0),), "rk8", times * step), len(q))

@@ -51,10 +51,10 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
     with uncollected():
         dynamics = Dynamics(scene)
         episode = Episode(interval := Interval(dynamics), task)
-        made = EnvironmentKernel(episode, WASM.lanes)
-        layout = made.blocks.layout
+        environment = EnvironmentKernel(episode, WASM.lanes)
+        layout = environment.blocks.layout
         arm = arm_kernel(interval.features, layout, WASM.lanes)
-        kernels = [made.p, prepare_kernel(dynamics, layout, WASM.lanes), arm]
+        kernels = [environment.p, prepare_kernel(dynamics, layout, WASM.lanes), arm]
         code = wasm.module(Program(kernels))
     memory = first_memory(episode, episode.layout(), 1, max_episode_steps)
     robot = scene.robot
@@ -78,14 +78,14 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
         "autoreset": {one.name.lower(): int(one) for one in Autoreset},
         "episode_key": EPISODE_KEY,
         "memories": {
-            **{str(kept): layout.size(kept) * WASM.lanes for kept in (STATE, PARAMETER, LOG)},
-            "scratch": made.blocks.scratch_size,
-            "queue": made.blocks.queue_size,
+            **{str(space): layout.size(space) * WASM.lanes for space in (STATE, PARAMETER, LOG)},
+            "scratch": environment.blocks.scratch_size,
+            "queue": environment.blocks.queue_size,
         },
-        "rows": {str(kept): layout.rows[kept] for kept in (STATE, PARAMETER)},
+        "rows": {str(space): layout.rows[space] for space in (STATE, PARAMETER)},
         "tables": {name: {"type": kind, "rows": list(episode.tables[name])} for name, kind in TABLES.items()},
         "arm": list(arm_quantities(robot)),
-        "initial": {str(kept): memory.arrays[str(kept)][0, :, 0].tolist() for kept in (STATE, PARAMETER)},
+        "initial": {str(space): memory.arrays[str(space)][0, :, 0].tolist() for space in (STATE, PARAMETER)},
     }
     return Module(code, description)
 
@@ -129,7 +129,7 @@ def write(scene: Scene, task: Task, name: str, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = files(name, folder)
     write_bytes(paths[0], HOST.read_bytes())  # a folder that cannot be written is refused at once
-    made = environment_module(scene, task)
-    write_bytes(paths[1], made.code)
-    write_text(paths[2], f"{as_json(made.description)}\n")
+    module = environment_module(scene, task)
+    write_bytes(paths[1], module.code)
+    write_text(paths[2], f"{as_json(module.description)}\n")
     return paths

@@ -97,12 +97,12 @@ def _content(policies: Path | None) -> tuple[bytes, list[str]]:
     """The data of the page: length of a JSON text, the text, bytes to which it refers; and its policies."""
     rest = bytearray()
 
-    def kept(part: bytes) -> list[int]:
+    def add_bytes(part: bytes) -> list[int]:
         """The place of some bytes behind the text, and their number."""
         rest.extend(part)
         return [len(rest) - len(part), len(part)]
 
-    arms = {arm: _of_arm(arm, policies, kept) for arm in ARMS}
+    arms = {arm: _of_arm(arm, policies, add_bytes) for arm in ARMS}
     text = as_json({
         "arms": arms, "most_push": LARGEST_PUSH, "bill_columns": Operations._fields,
         "faults": {int(fault): f"{fault.name}: {said}" for fault, said in FAULTS.items()},
@@ -111,22 +111,22 @@ def _content(policies: Path | None) -> tuple[bytes, list[str]]:
     return struct.pack("<I", len(text)) + text + rest, learners
 
 
-def _of_arm(arm: str, policies: Path | None, kept: Any) -> dict[str, Any]:
+def _of_arm(arm: str, policies: Path | None, add_bytes: Any) -> dict[str, Any]:
     scene = page_scene(arm)
     code, description = environment_module(scene, ReachTask(), max_episode_steps=None)
-    place, switches, given = kept(code), _switches(scene), {}
+    place, switches, entries = add_bytes(code), _switches(scene), {}
     for learner in LEARNERS if policies is not None else ():
         path = policies / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
         if path.is_file():
             about, weights = policy(path, len(description["observation"]), description["actions"])
             # First bytes, second bytes and so on: alike ones together take less when they are packed.
             planes = weights.astype("<f4").view(np.uint8).reshape(-1, 4).T.tobytes()
-            given[learner.upper()] = {**about, "weights": kept(planes)}
+            entries[learner.upper()] = {**about, "weights": add_bytes(planes)}
     return {
         "id": id_of(arm, "Reach"),
         "description": description,
         "code": place,
-        "policies": given,
+        "policies": entries,
         "sliders": [slider._asdict() for slider in _sliders(scene)],
         "switches": switches,
         "bills": _bills(scene, [switch["key"] for switch in switches]),
@@ -149,8 +149,8 @@ def page_scene(arm: str) -> Scene:
 
 def _fields(scene: Scene, kind: type[Effect]) -> list[str]:
     """Names of the numbers of an effect of a scene."""
-    own = (effect for effect in scene.effects if isinstance(effect, kind))
-    return [f"{effect.key}.{name}" for effect in own for name in effect.parameters()]
+    effects = (effect for effect in scene.effects if isinstance(effect, kind))
+    return [f"{effect.key}.{name}" for effect in effects for name in effect.parameters()]
 
 
 def _sliders(scene: Scene) -> Iterator[Slider]:
@@ -172,12 +172,12 @@ def _sliders(scene: Scene) -> Iterator[Slider]:
 
 def _switches(scene: Scene) -> list[dict[str, Any]]:
     """Effects that a reader may switch off: the numbers that are 0 then."""
-    made = []
+    switches = []
     for label, kind in {"gravity": Gravity, "friction": ViscousFriction, "push": TipForce}.items():
         (key,) = (effect.key for effect in scene.effects if isinstance(effect, kind))
         fields = [name for name in _fields(scene, kind) if ".down" not in name and ".start" not in name]
-        made.append({"label": label, "key": key, "fields": fields})
-    return made
+        switches.append({"label": label, "key": key, "fields": fields})
+    return switches
 
 
 def _bills(scene: Scene, keys: list[str]) -> dict[str, Any]:
@@ -194,7 +194,7 @@ def digest(scene: Scene) -> str:
     core = Core(scene, 1, ReachTask())
     core.keys[:], core.waiting[:] = CHECKED_KEY, True
     core.begin(np.ones(1, dtype=bool), {})
-    found, states, number = FNV_OFFSET, core.memory.arrays["state"][0], 1
+    state_hash, states, number = FNV_OFFSET, core.memory.arrays["state"][0], 1
     for _ in range(CHECKED_STEPS):
         action = np.empty((1, len(core.actions)), dtype=np.float32)
         for joint in range(len(core.actions)):  # of a linear congruential generator
@@ -202,19 +202,19 @@ def digest(scene: Scene) -> str:
             action[0, joint] = number / 2**31 - 1.0
         core.step(action, Autoreset.DISABLED)
         for word in np.ascontiguousarray(states[:, 0]).view(np.uint64).tolist():
-            found = (found ^ word) * FNV_PRIME % WORD
-    return f"{found:016x}"
+            state_hash = (state_hash ^ word) * FNV_PRIME % WORD
+    return f"{state_hash:016x}"
 
 
 def policy(path: Path, inputs: int, actions: int) -> tuple[dict[str, Any], NDArray[np.float64]]:
     """Structure and numbers of a ``policy.npz`` with layers from some inputs to some actions."""
     try:
-        found = read_arrays(path, "policy")
+        arrays = read_arrays(path, "policy")
         layers = [
-            tuple(np.asarray(found[f"{part}_{k}"], dtype=np.float64) for part in ("weights", "biases"))
-            for k in range(sum(name.startswith("weights_") for name in found))
+            tuple(np.asarray(arrays[f"{part}_{k}"], dtype=np.float64) for part in ("weights", "biases"))
+            for k in range(sum(name.startswith("weights_") for name in arrays))
         ]
-        about = {"activation": str(found["activation"]), "output": str(found["output"])}
+        about = {"activation": str(arrays["activation"]), "output": str(arrays["output"])}
     except (ValueError, KeyError) as error:
         raise ValueError(f"{path} is no policy as agents export writes it: {error}") from error
     sizes = [inputs, *(biases.size for _, biases in layers)]

@@ -11,7 +11,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.model.batch import Numerics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.timing import by_turns, timed
-from redundant_envs_train.rollout import Act, Outcome, run_episodes, told
+from redundant_envs_train.rollout import Act, Outcome, info_names, run_episodes
 from redundant_envs_train.statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def evaluate_under(
 
     def recorded(obs: Any, core: Core, step: int) -> NDArray[np.float32]:
         if step == 0:
-            if not (core.goal_fields and "is_success" in told(core)):
+            if not (core.goal_fields and "is_success" in info_names(core)):
                 what = "the study compares success at goals"
                 raise ValueError(f"{what}, which {env_id} does not tell; choose another id")
             begun.append((core.memory.read(core.scene.robot.coordinates), core.goals()))

@@ -50,13 +50,13 @@ class Plan(NamedTuple):
     name: str
     preset: Config
     run: Path  # folder of the policy of the first part
-    given: bool  # whether that folder exists already, and is not made by the study
+    exists: bool  # whether that folder exists already, and is not made by the study
     kwargs: dict[str, dict[str, Any]]  # physics -> arguments of the environment
     trainings: list[tuple[str, Config, Path]]  # of the second part: physics, configuration, run folder
 
     def steps(self) -> int:
         """Environment steps of its parts, for the progress bar."""
-        first = 0 if self.given else self.preset.total_steps
+        first = 0 if self.exists else self.preset.total_steps
         evaluations = len(self.kwargs) + 2 * len(self.trainings)
         return first + sum(c.total_steps for _, c, _ in self.trainings) + evaluations * EVALUATION_STEPS
 
@@ -88,15 +88,15 @@ def plan(study: Study, name: str, folder: Path) -> Plan:
             raise ValueError(f"{name} cannot be stepped with {label!r}: {error}") from None
     trainings: list[tuple[str, Config, Path]] = []
     for seed in range(study.train_seeds):
-        own = load(arm.preset, [*study.train_overrides, f"seed={seed}"])
-        check_telemetry(own, ())
-        cheap = own.model_copy(update={"env_kwargs": kwargs[arm.cheap]})
-        for label, config in ((arm.cheap, cheap), ("preset", own)):
+        base_config = load(arm.preset, [*study.train_overrides, f"seed={seed}"])
+        check_telemetry(base_config, ())
+        cheap = base_config.model_copy(update={"env_kwargs": kwargs[arm.cheap]})
+        for label, config in ((arm.cheap, cheap), ("preset", base_config)):
             trainings.append((label, config, runs / f"{slug(name)}_{slug(label)}_seed{seed}"))
-    for config, kept in [(preset, run)] * (not arm.run) + [(c, f) for _, c, f in trainings]:
-        if kept.exists() and run_folder.read_config(kept).to_dict() != config.to_dict():
+    for config, path in [(preset, run)] * (not arm.run) + [(c, f) for _, c, f in trainings]:
+        if path.exists() and run_folder.read_config(path).to_dict() != config.to_dict():
             raise ValueError(
-                f"{kept} holds a run of another configuration; choose another --out or delete it"
+                f"{path} holds a run of another configuration; choose another --out or delete it"
             )
     return Plan(name, preset, run, bool(arm.run), kwargs, trainings)
 
@@ -119,7 +119,7 @@ def run_study(study: Study, folder: Path, trust: bool = False) -> list[ArmResult
 
         for p in plans:
             torch.set_num_threads(p.preset.torch_threads)
-            if not p.given:
+            if not p.exists:
                 done(0, f"{p.name}: the policy")
                 ensure_trained(p.preset, p.run, bars)
                 done(p.preset.total_steps, "")
@@ -180,8 +180,8 @@ def second_part(study: Study, p: Plan, done: Callable[[int, str], None], bars: A
 
 def difference(study: Study, p: Plan, trained: list[Row], measure: str) -> Row:
     """Difference of the mean of a measure between training under cheap and under own physics."""
-    cheap, found = study.arms[p.name].cheap, [(row["trained_under"], row[measure]) for row in trained]
-    a, b = (np.array([value for of, value in found if of == label]) for label in (cheap, "preset"))
+    cheap, pairs = study.arms[p.name].cheap, [(row["trained_under"], row[measure]) for row in trained]
+    a, b = (np.array([value for of, value in pairs if of == label]) for label in (cheap, "preset"))
     return {
         "arm": p.name, "env": p.preset.env, "measure": measure, "cheap": cheap,
         "policies_each": len(a), "mean_cheap": float(a.mean()), "mean_preset": float(b.mean()),

@@ -95,8 +95,8 @@ def conclusion(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
         groups: dict[str, list[str]] = {}
         for row, verdict in zip(others, verdicts, strict=True):
             groups.setdefault(verdict, []).append(row["physics"])
-        found = (f"{text}: {', '.join(groups[v])}" for v, (_, _, text) in LOOKS.items() if v in groups)
-        lines.append(f"{what} against {study.reference}: {'; '.join(found)}.")
+        texts = (f"{text}: {', '.join(groups[v])}" for v, (_, _, text) in LOOKS.items() if v in groups)
+        lines.append(f"{what} against {study.reference}: {'; '.join(texts)}.")
     if reference["hold_success"] == 0.0:
         lines.append("This policy holds nothing: judge by one that does.")
     return "\n\n".join(lines)

@@ -105,7 +105,7 @@ def test_what_a_task_does_not_tell_is_said_and_neither_compared_nor_drawn(tmp_pa
     assert "It has no goal, which computed torque needs: the policy is compared with nothing." in told
     out, _ = call("table", folder, "--out", tmp_path / "a.jsonl")
     assert "tells no success: the mean return of PPO is -3." in out
-    assert curves.told(read_groups([tmp_path / "a.jsonl"])) == ["return"]
+    assert curves.known_measures(read_groups([tmp_path / "a.jsonl"])) == ["return"]
     change(folder / "evaluation.json", hold_success=0.5)  # an interval belongs to it
     with says("evaluation.json", "interval is None, and hold_success is 0.5"):
         read_evaluation(folder)

@@ -143,7 +143,7 @@ def violations_of(case, tally, names):
     states = tuple(np.split(np.concatenate(passed)[:MOST], 3, axis=1))
     if not len(states[0]):
         return found
-    trial = Sample(Subject("drawn", scene), len(states[0]), given=states)
+    trial = Sample(Subject("drawn", scene), len(states[0]), chosen=states)
     for name in [one for one in OF_VERIFY if one in names]:
         outcome = OF_VERIFY[name].run(trial)
         tally[f"{name} {outcome.verdict.value}"] += 1

@@ -154,7 +154,7 @@ def test_what_the_caller_finds_for_all_stages_is_kept_wherever_it_stands():
         return x, v
 
     calls = [n for n in reached(recorded(step)) if n.name == "stage"]
-    assert set(Stages(calls, ("row",), {}).kept.values()) == {11, 13}
+    assert set(Stages(calls, ("row",), {}).in_memory.values()) == {11, 13}
     columns = np.random.default_rng(1).uniform(0.2, 1.0, (3, 8))
     plain = np.array([step(*row) for row in columns.T.tolist()]).T
     np.testing.assert_allclose(on_columns(step, *columns), plain, rtol=1e-13)

@@ -185,7 +185,7 @@ def test_given_states_are_judged_however_fast_and_however_near_to_rest():
     straight = [[3.141592653589794, 3.141592653589794, -3.1415926535897922, 1e-15]]
     for efforts in (0.0, 1e300):
         given = np.array(straight), np.zeros((1, 4)), np.full((1, 4), efforts)
-        outcome = energy_book.run(Sample(Subject("given", scene), 1, given=given))
+        outcome = energy_book.run(Sample(Subject("given", scene), 1, chosen=given))
         assert outcome.verdict is (Verdict.MISSED if efforts else Verdict.KEPT)
         assert "control_dt" not in outcome.finding.words
 

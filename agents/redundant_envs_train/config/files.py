@@ -48,10 +48,10 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Config:
 def check_telemetry(config: Config, overrides: Sequence[str]) -> None:
     """ValueError if a file, which may be a stranger's, asks for a log that leaves the run folder: only the
     command of a user may, as the run goes where the user's account lets it."""
-    found = [name for name in config.telemetry if name in CLIENTS]
-    if found and not any(override.startswith("telemetry=") for override in overrides):
+    clients = [name for name in config.telemetry if name in CLIENTS]
+    if clients and not any(override.startswith("telemetry=") for override in overrides):
         fix = f"add telemetry=[{','.join(config.telemetry)}], or telemetry=[tensorboard] to go without"
-        reason = f"{found[0]} sends the run elsewhere, so the command has to ask for it: {fix}"
+        reason = f"{clients[0]} sends the run elsewhere, so the command has to ask for it: {fix}"
         raise ValueError(f"telemetry is {', '.join(config.telemetry)} in a file; {reason}")
 
 
@@ -61,14 +61,14 @@ def merged(
     """What ``make`` gives for a file with overrides; a ValueError names the line there, or the command."""
     if file is not None:
         with explained(file):
-            made = make(data)
+            model = make(data)
         if not overrides:
-            return made
+            return model
     try:
-        given = copy.deepcopy(data)
+        overridden = copy.deepcopy(data)
         for override in overrides:
-            override_one(given, override)
-        return make(given)
+            override_one(overridden, override)
+        return make(overridden)
     except ValueError as error:
         raise ValueError(f"command line: {error}") from None
 

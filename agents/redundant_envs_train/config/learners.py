@@ -135,11 +135,11 @@ class HERSettings(SACSettings):
 
     @model_validator(mode="before")
     @classmethod
-    def _alike(cls, given: Any) -> Any:
+    def _alike(cls, values: Any) -> Any:
         """One weight counts everywhere, as in configurations of before there were two."""
-        if isinstance(given, Mapping) and "smoothness" in given:
-            return {"smoothness_at_goal": given["smoothness"], **given}
-        return given
+        if isinstance(values, Mapping) and "smoothness" in values:
+            return {"smoothness_at_goal": values["smoothness"], **values}
+        return values
 
 
 class TD3Settings(OffPolicySettings):

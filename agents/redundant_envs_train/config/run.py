@@ -105,8 +105,8 @@ class Config(Model):
         if self.max_seconds is not None and not self.max_seconds > 0.0:
             raise ValueError(f"max_seconds is {self.max_seconds:g}; give more than 0, or null")
         if self.start_from_sha256 is not None and self.start_from is None:
-            given = f"start_from_sha256 is {shown(self.start_from_sha256)}, and start_from is null"
-            raise ValueError(f"{given}; give both or neither")
+            problem = f"start_from_sha256 is {shown(self.start_from_sha256)}, and start_from is null"
+            raise ValueError(f"{problem}; give both or neither")
         if len(set(self.telemetry)) < len(self.telemetry):
             raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)

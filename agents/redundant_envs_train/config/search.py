@@ -31,8 +31,8 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
     the settings that ``overrides`` name."""
     keys = [f"{config.algo}.{name}" for name in type(config.settings).model_fields]
     fixed, space = {override.partition("=")[0].strip() for override in overrides}, Space()
-    own = {f"{config.algo}.{k}": v for k, v in (PPO if "ppo" in config.algo else OFF_POLICY).items()}
-    for text in searches or [f"{k}={v}" for k, v in own.items() if k in keys and k not in fixed]:
+    defaults = {f"{config.algo}.{k}": v for k, v in (PPO if "ppo" in config.algo else OFF_POLICY).items()}
+    for text in searches or [f"{k}={v}" for k, v in defaults.items() if k in keys and k not in fixed]:
         key, _, what = (part.strip() for part in text.partition("="))
         if key not in keys:
             raise ValueError(f"search key {shown(key)} is unknown; valid: {', '.join(keys)}")
@@ -53,9 +53,9 @@ def space_of(config: Config, searches: Sequence[str] = (), overrides: Sequence[s
     return space
 
 
-def _setting(config: Config, key: str, given: Any) -> Any:
+def _setting(config: Config, key: str, raw: Any) -> Any:
     """A number, or a text of a value, as the setting of the learner; ValueError if it is not allowed."""
-    value = text_value(given, f"the value {shown(given)}") if isinstance(given, str) else given
+    value = text_value(raw, f"the value {shown(raw)}") if isinstance(raw, str) else raw
     name = key.partition(".")[2]
     return getattr(checked(type(config.settings), {name: value}, f"{config.algo}."), name)
 
@@ -69,12 +69,12 @@ def with_values(config: Config, parameters: dict[str, Any]) -> Config:
 
 def own_values(config: Config, space: Space) -> dict[str, Any]:
     """The parameters for the settings of a configuration, as far as the space contains them."""
-    found: dict[str, Any] = {}
+    parameters: dict[str, Any] = {}
     for key, within in space.items():
-        own = getattr(config.settings, key.partition(".")[2])
+        value = getattr(config.settings, key.partition(".")[2])
         if "choices" in within:
-            if (own := written(own)) in within["choices"]:
-                found[key] = own
-        elif own != "auto" and within["low"] <= own <= within["high"]:
-            found[key] = own
-    return found
+            if (value := written(value)) in within["choices"]:
+                parameters[key] = value
+        elif value != "auto" and within["low"] <= value <= within["high"]:
+            parameters[key] = value
+    return parameters

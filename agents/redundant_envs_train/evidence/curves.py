@@ -135,7 +135,7 @@ def draw(groups: Sequence[Group]) -> Any:
     parts = figure.subfigures(len(titles), 1, squeeze=False)[:, 0]
     for part, title in zip(parts, titles, strict=True):
         shown = [same for same in groups if same.title == title]
-        names = told(shown)
+        names = known_measures(shown)
         panels = part.subplots(len(AXES), len(names), squeeze=False)
         for row, axis in zip(panels, AXES, strict=True):
             for panel, name in zip(row, names, strict=True):
@@ -150,7 +150,7 @@ def draw(groups: Sequence[Group]) -> Any:
     return figure
 
 
-def told(groups: Sequence[Group]) -> list[str]:
+def known_measures(groups: Sequence[Group]) -> list[str]:
     """The measures that some curve of groups has; a task may tell no success."""
     known = np.zeros(len(MEASURES), np.bool_)
     for run in (run for same in groups for run in same.runs):

@@ -58,7 +58,7 @@ class Group:
 
     def numbers(self, name: str) -> list[float]:
         """An entry of the evaluations, from those runs that have it."""
-        return [float(found) for run in self.runs if (found := run.evaluation.get(name)) is not None]
+        return [float(values) for run in self.runs if (values := run.evaluation.get(name)) is not None]
 
 
 def read_run(folder: str | Path, stopped: bool = False, evaluation: Mapping[str, Any] | None = None) -> Run:
@@ -84,8 +84,8 @@ def run_of(
     for name in ("env", "algo", "seed"):
         if evaluation[name] != (value := getattr(config, name)):
             fix = f"{shown(value)}; make it again: {run_folder.evaluate_anew(folder)}"
-            found = f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}"
-            raise ValueError(f"{found}, and config.yaml has {fix}")
+            problem = f"{folder}/evaluation.json has {shown(evaluation[name])} as {name!r}"
+            raise ValueError(f"{problem}, and config.yaml has {fix}")
     column = run_folder.SELECTION.index
     progress = curve[:, [column("env_steps"), column("seconds")]]
     untold = SHARES if evaluation["hold_success"] is None else ()
@@ -101,14 +101,14 @@ def run_of(
 def group(runs: Iterable[Run]) -> list[Group]:
     """Join runs of the same environment, learner, settings and number of evaluation episodes; of several
     folders of a seed the first one is taken, if their results are the same."""
-    found: dict[str, dict[int, Run]] = {}
+    by_settings: dict[str, dict[int, Run]] = {}
     for run in runs:
         key = json.dumps([run.settings, run.scene, run.evaluation["episodes"]], sort_keys=True, default=str)
-        first = found.setdefault(key, {}).setdefault(run.seed, run)
+        first = by_settings.setdefault(key, {}).setdefault(run.seed, run)
         if not _same_results(first, run):
             reason = f"runs of seed {run.seed} with the same settings and different results"
             raise ValueError(f"{first.folder} and {run.folder} are {reason}; give one of them")
-    members = [tuple(by_seed[seed] for seed in sorted(by_seed)) for by_seed in found.values()]
+    members = [tuple(by_seed[seed] for seed in sorted(by_seed)) for by_seed in by_settings.values()]
     alike: dict[tuple[str, str, str], list[tuple[Run, ...]]] = {}
     for same in members:
         alike.setdefault((same[0].env.split("/")[-1], _scene(same[0]), same[0].learner), []).append(same)
@@ -121,19 +121,19 @@ def group(runs: Iterable[Run]) -> list[Group]:
 
 def _same_results(a: Run, b: Run) -> bool:
     """Whether runs agree in all that both tell: folders of older versions have less."""
-    told = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES
-    pairs = [(a.evaluation[name], b.evaluation[name]) for name in told]
+    names = a.evaluation.keys() & b.evaluation.keys() - CIRCUMSTANCES
+    pairs = [(a.evaluation[name], b.evaluation[name]) for name in names]
     agree = all(one == other or None in (one, other) or {} in (one, other) for one, other in pairs)
-    kept = [i for i, name in enumerate(run_folder.SELECTION) if name != "seconds"]
-    return agree and np.array_equal(a.curve[:, kept], b.curve[:, kept], equal_nan=True)
+    columns = [i for i, name in enumerate(run_folder.SELECTION) if name != "seconds"]
+    return agree and np.array_equal(a.curve[:, columns], b.curve[:, columns], equal_nan=True)
 
 
 def _scene(run: Run) -> str:
     """Name of a scene that is not the environment's own; a scene without a name gets a checksum."""
-    own = next(scene for arm, scene in SCENES.items() if run.env.split("/")[-1].startswith(arm))
-    scene = run.settings["env_kwargs"].get("scene", own)
+    default = next(scene for arm, scene in SCENES.items() if run.env.split("/")[-1].startswith(arm))
+    scene = run.settings["env_kwargs"].get("scene", default)
     if isinstance(scene, str):
-        return "" if scene == own else scene
+        return "" if scene == default else scene
     return f"scene {_checksum(scene)}"
 
 
@@ -145,9 +145,9 @@ def _differences(runs: list[Run]) -> list[list[str]]:
     """For each run, the settings in which the runs differ, as "name=value"."""
     beside = [{"goals": r.evaluation["episodes"], "scene": _checksum(r.scene)} for r in runs]
     settings = [run_folder.flat(r.settings) | more for r, more in zip(runs, beside, strict=True)]
-    names = sorted({name for own in settings for name, value in own.items() if value != {}})
-    differing = [n for n in names if any(own.get(n) != settings[0].get(n) for own in settings)]
-    return [[f"{n}={shown(own[n]) if n in own else 'unset'}" for n in differing] for own in settings]
+    names = sorted({name for values in settings for name, value in values.items() if value != {}})
+    differing = [n for n in names if any(values.get(n) != settings[0].get(n) for values in settings)]
+    return [[f"{n}={shown(values[n]) if n in values else 'unset'}" for n in differing] for values in settings]
 
 
 def write_runs(runs: Sequence[Run], path: Path) -> None:

@@ -58,8 +58,8 @@ def _results(same: Group) -> dict[str, str]:
     taken = _number(steps, 1e-6)
     if steps and max(steps) > 1.01 * min(steps):
         taken = f"{_number([min(steps)], 1e-6)} to {_number([max(steps)], 1e-6)}"
-    told = ([run.evaluation.get(name) for name in ("env_steps", "train_seconds")] for run in same.runs)
-    speeds = [steps / seconds for steps, seconds in told if steps is not None and seconds]
+    pairs = ([run.evaluation.get(name) for name in ("env_steps", "train_seconds")] for run in same.runs)
+    speeds = [steps / seconds for steps, seconds in pairs if steps is not None and seconds]
     return {
         "environment": same.title, "learner": same.learner, "seeds": str(len(same.runs)),
         "hold, median": _percent(same, hold), "hold, worst seed": _percent(same, hold and [min(hold)]),
@@ -93,14 +93,14 @@ def _origin(groups: Sequence[Group]) -> str:
     days = f"on {dates[0]}" if dates[0] == dates[-1] else f"from {dates[0]} to {dates[-1]}"
     labels = {"episodes": "Goals of each seed", "machine": "Machine", "torch": "torch",
               "stable-baselines3": "stable-baselines3"}  # fmt: skip
-    told = [f"{label}: {_told(groups, name)}." for name, label in labels.items()]
-    return " ".join([*told, f"Evaluated {days}."])
+    sentences = [f"{label}: {_told(groups, name)}." for name, label in labels.items()]
+    return " ".join([*sentences, f"Evaluated {days}."])
 
 
 def _told(groups: Iterable[Group], name: str) -> str:
     """What the evaluations of runs say as this entry, or as the version of this package."""
-    told = [{**run.evaluation["versions"], **run.evaluation} for same in groups for run in same.runs]
-    return "; ".join(sorted({str(entries.get(name, UNKNOWN)) for entries in told}))
+    evaluations = [{**run.evaluation["versions"], **run.evaluation} for same in groups for run in same.runs]
+    return "; ".join(sorted({str(entries.get(name, UNKNOWN)) for entries in evaluations}))
 
 
 def _percent(same: Group, rates: Sequence[float], unit: str = " %") -> str:

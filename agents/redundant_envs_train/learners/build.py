@@ -71,18 +71,19 @@ def policy_kwargs(config: Config) -> dict[str, Any]:
 def make_model(config: Config, env: Any) -> Any:
     """The learner of a configuration, on a VecEnv."""
     settings, learner = config.settings, LEARNERS[config.algo]
-    given = settings.model_dump(exclude=OF_POLICY)
+    kwargs = settings.model_dump(exclude=OF_POLICY)
     if config.algo not in OWN:  # the others have it in their policy only
-        del given["activation"]
+        del kwargs["activation"]
     if isinstance(settings, HERSettings):
-        goals = {name: given.pop(name) for name in ("n_sampled_goal", "goal_selection_strategy")}
-        given |= {"replay_buffer_class": HerReplayBuffer, "replay_buffer_kwargs": goals}
+        goals = {name: kwargs.pop(name) for name in ("n_sampled_goal", "goal_selection_strategy")}
+        kwargs |= {"replay_buffer_class": HerReplayBuffer, "replay_buffer_kwargs": goals}
     if isinstance(settings, TD3Settings):
-        given["action_noise"] = NormalNoise((config.num_envs, *env.action_space.shape), settings.action_noise)
+        shape = config.num_envs, *env.action_space.shape
+        kwargs["action_noise"] = NormalNoise(shape, settings.action_noise)
     rate: Any = settings.learning_rate
     if settings.schedule == "linear":  # the last rollout ends after the last step
         rate = lambda remaining: settings.learning_rate * max(0.0, remaining)  # noqa: E731
     return learner(
         policy=policy_name(config), env=env, seed=config.seed, device="cpu",
-        policy_kwargs=policy_kwargs(config), learning_rate=rate, **given,
+        policy_kwargs=policy_kwargs(config), learning_rate=rate, **kwargs,
     )  # fmt: skip

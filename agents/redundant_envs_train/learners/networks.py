@@ -121,8 +121,8 @@ class Networks:
         x = inputs.expand(len(self.modules), *inputs.shape)
         tape: Tape = []
         for layer in range(len(self.weights) - 1):
-            y, kept = self._activation.forward(self._linear(layer, x))
-            tape.append((x, kept))
+            y, saved = self._activation.forward(self._linear(layer, x))
+            tape.append((x, saved))
             x = y
         outputs = self._linear(-1, x)
         return outputs, [*tape, (x, outputs)]
@@ -237,10 +237,10 @@ class Averaging:
         """Begin averages of these networks at their present weights."""
         self.means = {name: self.networks[name].vector.clone() for name in names}
 
-    def take_means(self, kept: float, weight: float) -> None:
+    def take_means(self, decay: float, weight: float) -> None:
         """Move the averages towards the present weights by 1 - kept, or by ``weight`` if that is larger."""
         for name, mean in self.means.items():
-            mean.lerp_(self.networks[name].vector, max(1.0 - kept, weight))
+            mean.lerp_(self.networks[name].vector, max(1.0 - decay, weight))
 
     def write_networks(self) -> None:
         """Copy the present weights into the modules."""

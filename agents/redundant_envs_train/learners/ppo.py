@@ -80,8 +80,8 @@ class AveragedPPO(Averaging, PPO):
             rollout_buffer.actions[step] = actions.numpy()
             self.mean_actions[step] = means.numpy()
             rollout_buffer.episode_starts[step] = self._last_episode_starts
-            found, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
-            self._last_obs, self._last_episode_starts = found, dones  # type: ignore[assignment]
+            new_obs, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
+            self._last_obs, self._last_episode_starts = new_obs, dones  # type: ignore[assignment]
             self.num_timesteps += env.num_envs
             rollout_buffer.rewards[step] = rewards
             callback.update_locals(locals())
@@ -111,9 +111,9 @@ class AveragedPPO(Averaging, PPO):
 
     def _values(self, observations: Any) -> Tensor:
         """Values of observations of stable-baselines3, (n,)."""
-        given = self.inputs(each(torch.from_numpy, observations))
+        inputs = self.inputs(each(torch.from_numpy, observations))
         # in parts, whose layers stay in the cache
-        values = [self.networks["values"].outputs(part)[0] for part in given.split(ROWS)]
+        values = [self.networks["values"].outputs(part)[0] for part in inputs.split(ROWS)]
         return torch.cat(values)[:, 0]
 
     def _log_prob_offset(self) -> Tensor:

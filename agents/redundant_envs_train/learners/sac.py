@@ -129,8 +129,8 @@ class AveragedSAC(Averaging, SAC):
         self.logger.record("train/ent_coef", self._alpha())
 
     def _alpha(self) -> float:
-        own = self.log_ent_coef
-        return float(self.ent_coef_tensor) if own is None else math.exp(float(own))
+        log_alpha = self.log_ent_coef
+        return float(self.ent_coef_tensor) if log_alpha is None else math.exp(float(log_alpha))
 
     def _smoothness(self, rewards: Tensor) -> Tensor:
         """Weight of the term for smooth actions at each step of a sample."""
@@ -157,8 +157,8 @@ class AveragedSAC(Averaging, SAC):
         least = torch.minimum(*self.networks["targets"].outputs(ahead))
         goals = torch.addcmul(rewards, discounts, least.sub_(log_prob, alpha=self._alpha()))
         critics = self.networks["critics"]
-        found, tape = critics.forward(pairs)
-        critics.backward(tape, found.sub_(goals).mul_(1.0 / len(pairs)))
+        values, tape = critics.forward(pairs)
+        critics.backward(tape, values.sub_(goals).mul_(1.0 / len(pairs)))
         self.adams["critics"].step(rate)
 
     def _update_actor(self, chosen: Tensor, drawn: SampledActions, smoothness: Tensor, rate: float) -> None:
@@ -177,7 +177,7 @@ class AveragedSAC(Averaging, SAC):
         apart = (here - after).mul_(smoothness)
         dmean = torch.add(dbefore, dtanh(apart, here), alpha=2.0 / count)
         dlog_std = hardtanh_backward((dbefore * noise).sub_(alpha), raw, *LOG_STD)  # 0 where it is clamped
-        rows = [(x[:, -count:], kept[:, -count:]) for x, kept in drawn.tape]
+        rows = [(x[:, -count:], saved[:, -count:]) for x, saved in drawn.tape]
         self.networks["actor"].backward(rows, torch.cat([dmean, dlog_std], 1)[None])
         self.adams["actor"].step(rate)
         self.take_means(self.average, FIRST_UPDATES / (FIRST_UPDATES + self._n_updates))

@@ -25,10 +25,10 @@ def results_table(result: Mapping[str, Any], goals: str, policy: str, count: int
     rows, better = [], result["better"]
     words = {True: policy, False: "computed torque"}
     for label, key, scale, digits, unit in MEASURES[:count]:
-        found = [result.get(f"{who}{key}") for who in ("", "expert_")]
-        if result["hold_success"] is None and not any(value is not None for value in found):
+        values = [result.get(f"{who}{key}") for who in ("", "expert_")]
+        if result["hold_success"] is None and not any(value is not None for value in values):
             continue  # what a task without success does not tell
-        cells = ["-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in found]
+        cells = ["-" if v is None else f"{scale * v:.{digits}f}{unit}" for v in values]
         rows.append((label, *cells, *([words.get(better.get(key), "-")] if better else [])))
     for name, value in result["metrics"].items():
         rows.append((name, f"{value:.4g}", "-", *(["-"] if better else [])))

@@ -72,18 +72,18 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
         return int(storage.total_steps)
 
 
-def spec_of(env_id: str, given: Mapping[str, Any]) -> EnvSpec:
+def spec_of(env_id: str, env_kwargs: Mapping[str, Any]) -> EnvSpec:
     """A spec from which another process makes the environment: its scene is plain data, and its entry points
     name the modules of the command, which may have registered what is in the scene."""
     spec = gym.spec(env_id)
-    kwargs = {"on_bad_action": "raise", **spec.kwargs, **given}
+    kwargs = {"on_bad_action": "raise", **spec.kwargs, **env_kwargs}
     kwargs["scene"] = scene_at(kwargs["scene"], kwargs.pop("accuracy", None)).to_dict()
     steps = kwargs.pop("max_episode_steps", spec.max_episode_steps)
-    made = dataclasses.replace(spec, max_episode_steps=steps, kwargs=kwargs)
+    plain_spec = dataclasses.replace(spec, max_episode_steps=steps, kwargs=kwargs)
     for name in ("entry_point", "vector_entry_point"):
         home, _, names = str(getattr(spec, name)).partition(":")
-        setattr(made, name, f"{home}:{'/'.join(dict.fromkeys([*IMPORTED, *names.split('/')]))}")
-    return made
+        setattr(plain_spec, name, f"{home}:{'/'.join(dict.fromkeys([*IMPORTED, *names.split('/')]))}")
+    return plain_spec
 
 
 def _played(spec: EnvSpec, make: Callable[[int], Act], episodes: int, seed: int) -> Iterator[Any]:
@@ -91,6 +91,6 @@ def _played(spec: EnvSpec, make: Callable[[int], Act], episodes: int, seed: int)
     with counted("episodes", -(-episodes // LANES)) as done:
         for first in range(seed, seed + episodes, LANES):
             count = min(LANES, seed + episodes - first)
-            for k, (observations, steps, told) in enumerate(recorded(spec, make(first), count, first)):
-                yield None, first + k, None, observations, *steps, told
+            for k, (observations, steps, infos) in enumerate(recorded(spec, make(first), count, first)):
+                yield None, first + k, None, observations, *steps, infos
             done(f"{first - seed + count} of {episodes} episodes")

@@ -14,7 +14,7 @@ from redundant_envs.envs.core import Core
 from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import scene_names
-from redundant_envs.support.disk import told, write_bytes
+from redundant_envs.support.disk import disk_errors, write_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.tables import Markdown, code
 from redundant_envs.support.values import shown
@@ -72,13 +72,13 @@ def export(run: Path, out: Path) -> Path:
         if evaluation[name] is None:
             raise ValueError(f"{run}/evaluation.json has no {name}; give a run with its training.json")
     check_out(out)
-    own = own_config(run)
+    run_config = own_config(run)
     folder = out / name_of(config)
     if os.path.lexists(folder):
         raise ValueError(f"{folder} exists; delete it or choose another --out")
-    policy = load_policy(run, own)
-    env = make_sb3(own.env, LANES, **own.env_kwargs)
-    with told(folder), new_folder(folder) as part:
+    policy = load_policy(run, run_config)
+    env = make_sb3(run_config.env, LANES, **run_config.env_kwargs)
+    with disk_errors(folder), new_folder(folder) as part:
         layers = layers_of(policy, env.observation_space)
         worst = _write(config, evaluation, policy, layers, env, part)
         scene = SCENE if difference(run) else config.env_kwargs.get("scene", "")
@@ -138,7 +138,7 @@ def card(
         learned = max(evaluation["env_steps"] - settings.learning_starts, 0) / config.num_envs
         updates = learned * settings.gradient_steps / settings.train_freq
     # An old run may name a package that the present code does not use.
-    found = evaluation["versions"].items()
+    entries = evaluation["versions"].items()
     count = len(MEASURES) if evaluation["hold_success"] is None else CARD_RESULTS
     return front_matter(config, evaluation, scene, MODULES.get(learner, "stable-baselines3"), count) + page(
         "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
@@ -148,7 +148,7 @@ def card(
         several=len(layers.inputs) > 1,
         parts=Markdown(", ".join(parts)), inputs=Markdown(" and ".join(parts)),
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),
-        versions=", ".join(f"{name} {version}" for name, version in found if name in ("python", *PACKAGES)),
+        versions=", ".join(f"{name} {version}" for name, version in entries if name in ("python", *PACKAGES)),
         results=results_table(evaluation, "", "this policy", count),
     )  # fmt: skip
 

@@ -48,11 +48,11 @@ class Layers:
     @classmethod
     def load(cls, path: Path) -> Self:
         """Read what :meth:`save` wrote; without the widths of the parts of an observation."""
-        found = read_arrays(path, "policy")
-        layers = range(sum(name.startswith("weights_") for name in found))
-        weights, biases = (tuple(found[f"{kind}_{k}"] for k in layers) for kind in ("weights", "biases"))
-        inputs = dict.fromkeys(found["inputs"].tolist(), 0)
-        return cls(inputs, weights, biases, str(found["activation"]), str(found["output"]))
+        arrays = read_arrays(path, "policy")
+        layers = range(sum(name.startswith("weights_") for name in arrays))
+        weights, biases = (tuple(arrays[f"{kind}_{k}"] for k in layers) for kind in ("weights", "biases"))
+        inputs = dict.fromkeys(arrays["inputs"].tolist(), 0)
+        return cls(inputs, weights, biases, str(arrays["activation"]), str(arrays["output"]))
 
     def save(self, path: Path) -> None:
         """Write arrays that ``np.load`` reads: weights_0, biases_0, ..., activation, output, inputs."""

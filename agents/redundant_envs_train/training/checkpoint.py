@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.support import bounded
-from redundant_envs.support.disk import DiskFull, told, write_bytes
+from redundant_envs.support.disk import DiskFull, disk_errors, write_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 
@@ -82,7 +82,7 @@ def save(folder: Path, model: Any, monitor: Any, progress: dict[str, float], run
     }
     try:
         # torch alone would leave the file open after an error
-        with told(folder / CHECKPOINT), (part / STATE).open("wb") as file:
+        with disk_errors(folder / CHECKPOINT), (part / STATE).open("wb") as file:
             torch.save(plain(state), file)
     except DiskFull:
         shutil.rmtree(part, ignore_errors=True)  # leaves room for the policy
@@ -111,8 +111,8 @@ def restore(folder: Path, model: Any, monitor: Any, run: dict[str, Any]) -> dict
         told_of, fix = " ".join(str(error).split())[:300], f"make a new run: {train_again(folder)}"
         raise ValueError(f"{place} is damaged or of another run ({told_of}); {fix}") from error
     for name in TABLES:  # written anew, since a copy of the folder may share the files
-        kept = bounded.read_bytes(folder / name, name, bounded.MAX_PACKED)[: state["tables"][name]]
-        write_bytes(folder / name, kept)
+        content = bounded.read_bytes(folder / name, name, bounded.MAX_PACKED)[: state["tables"][name]]
+        write_bytes(folder / name, content)
     return progress
 
 
@@ -124,8 +124,8 @@ def _load(path: Path, most: int) -> dict[str, Any]:
         check_table(bounded.read_members(file, path.name, [table])[table], TENSOR_NAMES)
         file.seek(0)
         plain = torch.load(file, weights_only=True)
-    if (found := _bytes(plain)) > most:  # a tensor may claim more numbers than it has
-        raise ValueError(f"{path.name} claims {found} bytes, more than the {most} that this training has")
+    if (size := _bytes(plain)) > most:  # a tensor may claim more numbers than it has
+        raise ValueError(f"{path.name} claims {size} bytes, more than the {most} that this training has")
     return unplain(plain)
 
 
@@ -148,9 +148,9 @@ def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
         if hasattr(model, name):
             setattr(model, name, _like(name, state["counters"][name], getattr(model, name)))
     observations = model.env.reset()  # structure of the last observations
-    for name, own in zip(LAST, (observations, observations, np.ones(model.n_envs, dtype=bool)), strict=True):
+    for name, like in zip(LAST, (observations, observations, np.ones(model.n_envs, dtype=bool)), strict=True):
         if state["last"].get(name) is not None:
-            setattr(model, name, _like(name, state["last"][name], own))
+            setattr(model, name, _like(name, state["last"][name], like))
     for name in EPISODES:
         setattr(model, name, deque(state["episodes"][name], maxlen=model._stats_window_size))
     for name in MONITOR:
@@ -167,22 +167,22 @@ def _set_state(state: dict[str, Any], model: Any, monitor: Any) -> None:
     model.action_space._np_random = state["random"]["actions"]
 
 
-def _like(name: str, found: Any, own: Any) -> Any:
+def _like(name: str, value: Any, like: Any) -> Any:
     """A value of a checkpoint, if it has the kind, shape and range of the model's own."""
-    if isinstance(own, dict):
-        if not isinstance(found, dict) or found.keys() != own.keys():
+    if isinstance(like, dict):
+        if not isinstance(value, dict) or value.keys() != like.keys():
             raise ValueError(f"{name} has other entries")
-        return {key: _like(f"{name}.{key}", found[key], own[key]) for key in own}
-    if isinstance(own, int | float):
-        number = isinstance(found, int | float) and not isinstance(found, bool) and abs(found) <= MOST
-        if not number or (isinstance(own, int) and not (isinstance(found, int) and found >= 0)):
-            raise ValueError(f"{name} is {shown(found)}")
-        return found
-    if type(found) is not type(own) or found.shape != own.shape or found.dtype != own.dtype:
+        return {key: _like(f"{name}.{key}", value[key], like[key]) for key in like}
+    if isinstance(like, int | float):
+        number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MOST
+        if not number or (isinstance(like, int) and not (isinstance(value, int) and value >= 0)):
+            raise ValueError(f"{name} is {shown(value)}")
+        return value
+    if type(value) is not type(like) or value.shape != like.shape or value.dtype != like.dtype:
         raise ValueError(f"{name} is of another kind")
-    if not bool((abs(found) < float("inf")).all()):
+    if not bool((abs(value) < float("inf")).all()):
         raise ValueError(f"{name} is not finite")
-    return found
+    return value
 
 
 def _variables(model: Any) -> list[str]:
@@ -201,8 +201,8 @@ def buffer_state(buffer: Any) -> dict[str, Any]:
 
 def set_buffer_state(buffer: Any, state: dict[str, Any]) -> None:
     for name in filter(lambda name: hasattr(buffer, name), BUFFER_ARRAYS):
-        own, found = getattr(buffer, name), state["arrays"][name]
-        for target, source in [(own[k], found[k]) for k in own] if isinstance(own, dict) else [(own, found)]:
+        old, new = getattr(buffer, name), state["arrays"][name]
+        for target, source in [(old[k], new[k]) for k in old] if isinstance(old, dict) else [(old, new)]:
             target[: state["rows"]] = source
     if not (isinstance(state["pos"], int) and 0 <= state["pos"] < buffer.buffer_size):
         raise ValueError(f"the buffer's position is {shown(state['pos'])}")

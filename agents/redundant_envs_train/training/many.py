@@ -44,12 +44,12 @@ def in_processes(work: Callable[..., str], jobs: Mapping[str, Any], count: int, 
     waiting, news, stopping = context.Queue(), context.Queue(), context.Event()
     for job in jobs.items():
         waiting.put(job)
-    own, team = cores(), []
+    core_ids, team = cores(), []
     for k in range(count := min(count, len(jobs))):
         waiting.put(None)
-        core = own[k] if own_cores and count <= len(own) else None
-        given = work, waiting, news, stopping, core, tuple(IMPORTED)
-        team.append(context.Process(target=_work, args=given, daemon=True))
+        core = core_ids[k] if own_cores and count <= len(core_ids) else None
+        args = work, waiting, news, stopping, core, tuple(IMPORTED)
+        team.append(context.Process(target=_work, args=args, daemon=True))
         team[-1].start()
     follow([*jobs], lambda stop: _reports([*jobs], team, news, stopping, stop))
 

@@ -19,8 +19,7 @@ from threading import Event
 from typing import Any
 
 from redundant_envs import __version__
-from redundant_envs.support.disk import told as told_of
-from redundant_envs.support.disk import write_text
+from redundant_envs.support.disk import disk_errors, write_text
 from redundant_envs.support.extras import needs
 from redundant_envs.support.modules import IMPORTED, OPTION
 from redundant_envs.support.values import shown
@@ -70,8 +69,8 @@ def train_on_ray(
     count = count_of(processes)
     place = address or os.environ.get("RAY_ADDRESS") or LOCAL
     if place != LOCAL and processes is not None:
-        given = f"processes is {processes}, and the cluster at {shown(place)}"
-        raise ValueError(f"{given} has its own number; leave one out")
+        problem = f"processes is {processes}, and the cluster at {shown(place)}"
+        raise ValueError(f"{problem} has its own number; leave one out")
     with _cluster(place, count), prepared(configs, folder):
         most = max((int(node["Resources"].get("CPU", 0)) for node in ray.nodes() if node["Alive"]), default=0)
         for config in configs.values():
@@ -163,9 +162,9 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterat
     losses: dict[str, list[str]] = {name: [] for name in configs}
 
     def submit(name: str) -> None:
-        own, place = task.options(num_cpus=configs[name].torch_threads), folder / name
-        given = name, configs[name].to_dict(), pack(place), str(place), __version__, board
-        running[own.remote(*given)] = name
+        ray_task, place = task.options(num_cpus=configs[name].torch_threads), folder / name
+        args = name, configs[name].to_dict(), pack(place), str(place), __version__, board
+        running[ray_task.remote(*args)] = name
 
     for name in configs:
         place = folder / name
@@ -179,7 +178,7 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterat
             submit(name)
         except (ValueError, OSError) as error:
             yield name, 1.0, _short(error), True
-    told = False
+    cancelled = False
     while running:
         with contextlib.suppress(ray.exceptions.RayError):  # what is lost with the board is told again
             news, sent = ray.get(board.look.remote(stop.is_set()), timeout=ANSWERING)
@@ -191,8 +190,8 @@ def _reports(configs: Mapping[str, Config], folder: Path, stop: Event) -> Iterat
                 except OSError as error:  # this disk does not take it
                     yield name, 0.0, f"its checkpoint is not kept: {_short(error)}", False
             yield from (item for item, _ in news if item[0] in present and item[1] > 0.0)
-        if stop.is_set() and not told:  # those that wait for a core; the others look at the board
-            told = True
+        if stop.is_set() and not cancelled:  # those that wait for a core; the others look at the board
+            cancelled = True
             for waiting in [task for task, name in running.items() if name not in hosts]:
                 ray.cancel(waiting)
         for done in ray.wait(list(running), timeout=POLL)[0]:
@@ -373,7 +372,7 @@ def receive(files: bytes, folder: Path) -> None:
     restore(folder)
     shutil.rmtree(part, ignore_errors=True)
     try:
-        with told_of(folder):
+        with disk_errors(folder):
             unpack(files, part)
         replace_folder(part, folder, old)
     finally:

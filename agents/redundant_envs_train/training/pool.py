@@ -73,12 +73,12 @@ def _leave_terminal() -> None:
 
 def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News]]) -> None:
     """Show the reports of ``pool`` until all runs have ended; Stopped, or ValueError if one failed."""
-    failures, told = [], False
+    failures, announced = [], False
     with progress_bars() as bars, stop_request() as stop:
         lines = {name: bars.add_task(name, total=1.0, note="waits", start=False) for name in names}
         for name, share, note, failed in pool(stop):
-            if stop.is_set() and not told:
-                told = True
+            if stop.is_set() and not announced:
+                announced = True
                 say(STOPPING, file=sys.stderr)
             if failed:
                 failures.append(f"{name}: {note}")
@@ -94,17 +94,17 @@ def follow(names: Sequence[str], pool: Callable[[threading.Event], Iterator[News
 def seeds_of(text: str) -> list[int]:
     """Seeds as a user writes them: ``0..9``, or ``1,4,7``, or both."""
     seeds: list[int] = []
-    given = f"seeds is {text[:80]!r}"
+    prefix = f"seeds is {text[:80]!r}"
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d{1,4})(?:\.\.(\d{1,4}))?\s*", part)
         if not match:
-            raise ValueError(f"{given}; write such as 0..9 or 1,4,7, with seeds from 0 to {MAX_SEEDS}")
+            raise ValueError(f"{prefix}; write such as 0..9 or 1,4,7, with seeds from 0 to {MAX_SEEDS}")
         first, last = int(match[1]), int(match[2] or match[1])
         if last < first:
-            raise ValueError(f"{given}; write the lower one first, {last}..{first}")
+            raise ValueError(f"{prefix}; write the lower one first, {last}..{first}")
         seeds += range(first, last + 1)
     if not seeds or len(set(seeds)) < len(seeds):
-        raise ValueError(f"{given}; give different seeds from 0 to {MAX_SEEDS}")
+        raise ValueError(f"{prefix}; give different seeds from 0 to {MAX_SEEDS}")
     return seeds
 
 

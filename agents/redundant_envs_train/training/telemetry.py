@@ -39,12 +39,12 @@ class _TensorBoard(TensorBoardOutputFormat):
 
 def check(config: Config) -> dict[str, Any]:
     """The packages of the clients by name; a missing one is refused before a training begins."""
-    found: dict[str, Any] = {}
+    modules: dict[str, Any] = {}
     for name in CLIENTS:
         if name in config.telemetry:
             with needs(name):
-                found[name] = importlib.import_module(name)
-    return found
+                modules[name] = importlib.import_module(name)
+    return modules
 
 
 def logger(folder: Path, config: Config, steps: int) -> Logger:

@@ -11,7 +11,7 @@ import yaml
 
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
-from redundant_envs.support.disk import DiskFull, alone, told, write_text
+from redundant_envs.support.disk import DiskFull, alone, disk_errors, write_text
 from redundant_envs.support.extras import needs
 from redundant_envs.support.progress import progress_bars
 from redundant_envs.support.values import say
@@ -21,7 +21,7 @@ from ..config import WITHOUT_EFFECT, Config, PlainPPOSettings
 from ..config.run import first_environment_seed
 from ..learners.build import make_model
 from ..policies import save_policy, start_from
-from ..rollout import told as told_by
+from ..rollout import info_names
 from . import checkpoint
 from .pool import Stopped, stop_request
 from .telemetry import check, logger
@@ -75,10 +75,10 @@ def _run(
 ) -> dict[str, Any]:  # fmt: skip
     check(config)
     torch.set_num_threads(config.torch_threads)
-    given = config if new else run_folder.own_config(folder)
-    base = make_sb3(config.env, config.num_envs, monitor=False, **given.env_kwargs)
+    run_config = config if new else run_folder.own_config(folder)
+    base = make_sb3(config.env, config.num_envs, monitor=False, **run_config.env_kwargs)
     simulated = run_folder.with_scene(config, base.core.scene)  # from now on, whatever happens to its file
-    keywords = ("is_success",) if "is_success" in told_by(base.core) else ()  # columns of monitor.csv
+    keywords = ("is_success",) if "is_success" in info_names(base.core) else ()  # columns of monitor.csv
     monitor = VecMonitor(base, info_keywords=keywords)
     model = make_model(config, monitor)
     if config.start_from is not None and not resumed:
@@ -95,7 +95,7 @@ def _run(
     header: dict[str, Any] = {"t_start": monitor.t_start, "env_id": config.env}
     full: DiskFull | None = None
     with stop_request() as stop, progress_bars() if progress is None else nullcontext(progress) as bars:
-        with told(folder):
+        with disk_errors(folder):
             table = str(folder / "monitor.csv")
             monitor.results_writer = ResultsWriter(table, header, keywords, override_existing=not resumed)
             model.set_logger(logger(folder, config, model.num_timesteps))
@@ -103,7 +103,7 @@ def _run(
         on_policy = isinstance(config.settings, PlainPPOSettings)
         every = LOG_ROLLOUTS if on_policy else LOG_EPISODES * config.num_envs
         try:
-            with told(folder), ExitStack() as files:
+            with disk_errors(folder), ExitStack() as files:
                 files.callback(model.logger.close)
                 files.callback(monitor.close)
                 left = config.total_steps - model.num_timesteps
@@ -125,11 +125,11 @@ def _run(
             "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
         if full is not None:
-            kept = keep(model, folder)
+            message = keep(model, folder)
             with suppress(DiskFull):
                 run_folder.write_json(folder / "training.json", {**facts, "stopped": True})
             steps = f"{facts['env_steps']} of {config.total_steps} steps"
-            raise DiskFull(f"{full}. After {steps} {kept}") from full
+            raise DiskFull(f"{full}. After {steps} {message}") from full
         if stopped:
             save_policy(model, folder / "policy.zip")
         run_folder.write_json(folder / "training.json", {**facts, "stopped": stopped})
@@ -137,27 +137,27 @@ def _run(
         resumable = run_folder.find_checkpoint(folder) is not None
         go_on = f"Go on with: {command('resume', folder)}, or look" if resumable else "Look"
         reached = f"stopped after {facts['env_steps']} of {config.total_steps} steps"
-        kept = f"the policy so far is kept. {go_on} at it with: {command('report', folder)}"
-        raise Stopped(f"{reached}; {kept}")
+        message = f"the policy so far is kept. {go_on} at it with: {command('report', folder)}"
+        raise Stopped(f"{reached}; {message}")
     checkpoint.remove(folder)
     return facts
 
 
 def keep(model: Any, folder: Path) -> str:
     """Save the policy of a training whose disk is full where there is room, and say where."""
-    own = folder / "policy.zip"
+    path = folder / "policy.zip"
     with suppress(OSError):
-        save_policy(model, own)
-        return f"the policy is kept in {own}"
+        save_policy(model, path)
+        return f"the policy is kept in {path}"
     with suppress(OSError):
-        elsewhere = Path(tempfile.mkdtemp(prefix="redundant-envs-")) / own.name
+        elsewhere = Path(tempfile.mkdtemp(prefix="redundant-envs-")) / path.name
         try:
             save_policy(model, elsewhere)
         except OSError:
             elsewhere.parent.rmdir()
             raise
         return f"the policy is kept in {elsewhere}"
-    return f"{own} is that of the last point of the curve" if own.is_file() else "no policy could be kept"
+    return f"{path} is that of the last point of the curve" if path.is_file() else "no policy could be kept"
 
 
 def identity(config: Config, core: Core) -> dict[str, Any]:

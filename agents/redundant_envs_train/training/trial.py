@@ -22,8 +22,8 @@ POINT = ("hold_success", "return", "env_steps")  # last point of the curve; None
 def score(trial: Any, config: Config, space: Space, folder: Path, seed: int, bars: Any) -> float:
     """Train ``folder``/trial<k>; a training that is refused or not finite counts as pruned."""
     value, place = -1.0, folder / f"trial{trial.number}"
-    own = np.random.SeedSequence((seed, trial.number)).generate_state(1)  # no two trials draw alike
-    trial.study.sampler = optuna.samplers.TPESampler(seed=int(own[0]), constant_liar=True)
+    sampler_seed = np.random.SeedSequence((seed, trial.number)).generate_state(1)  # no two trials draw alike
+    trial.study.sampler = optuna.samplers.TPESampler(seed=int(sampler_seed[0]), constant_liar=True)
     for key, within in space.items():
         is_whole = isinstance(within.get("low"), int)
         kind = "categorical" if "choices" in within else "int" if is_whole else "float"

@@ -66,18 +66,18 @@ def kernels(
         return code
 
     with _lock:
-        found = _kept.pop(key, None) or llvm.load(_content(f"{key}{SUFFIX}", what, compiled), names)
-        _kept[key] = found
+        entries = _kept.pop(key, None) or llvm.load(_content(f"{key}{SUFFIX}", what, compiled), names)
+        _kept[key] = entries
         if len(_kept) > KEPT_KERNELS:
             del _kept[next(iter(_kept))]
-        return found
+        return entries
 
 
-def facts(name: str, found: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+def facts(name: str, compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Facts of plain JSON data under a name of 40 hexadecimal digits; "" keeps nothing."""
     if not name:
-        return found()
-    data = _content(f"{name}{FACTS}", "a record", lambda how_long: json.dumps(found()).encode())
+        return compute()
+    data = _content(f"{name}{FACTS}", "a record", lambda how_long: json.dumps(compute()).encode())
     return json.loads(data)  # type: ignore[no-any-return]
 
 
@@ -211,12 +211,12 @@ def _delete(path: Path) -> None:
 
 def _files(folder: Path) -> list[tuple[float, int, Path]]:
     """Last use, size and path of the files that this module made, the newest first."""
-    found = []
+    files = []
     for path in folder.iterdir():
         with contextlib.suppress(OSError):  # another process may have deleted it
             if OWN_FILE.fullmatch(path.name) and stat.S_ISREG((status := path.lstat()).st_mode):
-                found.append((status.st_mtime, status.st_size, path))
-    return sorted(found, reverse=True)
+                files.append((status.st_mtime, status.st_size, path))
+    return sorted(files, reverse=True)
 
 
 def _prune(folder: Path) -> None:
@@ -238,9 +238,9 @@ def usage(clear: bool = False) -> str:
     for _, _, path in files if clear else ():
         _delete(path)
     size = sum(size for _, size, _ in files)
-    kept = sum(path.suffix != ".lock" for _, _, path in files)
+    count = sum(path.suffix != ".lock" for _, _, path in files)
     most = f"at most {KEPT_BYTES / 1e6:.0f} MB are kept"
-    return f"{folder}: {kept} files, {size / 1e6:.1f} MB{' deleted' if clear else f'; {most}'}"
+    return f"{folder}: {count} files, {size / 1e6:.1f} MB{' deleted' if clear else f'; {most}'}"
 
 
 def _unusable(error: OSError) -> str:
@@ -252,13 +252,13 @@ def _unusable(error: OSError) -> str:
 def _file_lock(path: Path, what: str) -> Iterator[None]:
     """One process at a time for one program; OSError if another one takes too long."""
     with open(_opened(path, os.O_RDWR | os.O_CREAT), "r+b") as file:
-        start, told = time.monotonic(), False
+        start, announced = time.monotonic(), False
         while not _locked(file.fileno()):
             waited = time.monotonic() - start
             if waited > LONGEST_WAIT:
                 raise OSError(f"another process has held {path} for {waited:.0f} s")
-            if waited > SILENT_WAIT and not told:
-                told = True
+            if waited > SILENT_WAIT and not announced:
+                announced = True
                 waiting = f"waiting for another process that makes {what} (it has locked {path})"
                 say(f"redundant-envs: {waiting}, for at most {LONGEST_WAIT:.0f} s ...", file=sys.stderr)
             time.sleep(min(0.1, 0.001 + waited / 10))

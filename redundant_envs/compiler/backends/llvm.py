@@ -126,7 +126,7 @@ def load(code: bytes, names: Sequence[str]) -> dict[str, Entry]:
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
-    found: dict[str, Any] = {name: kind(engine.get_function_address(name)) for name in names}
-    for entry in found.values():
+    entries: dict[str, Any] = {name: kind(engine.get_function_address(name)) for name in names}
+    for entry in entries.values():
         entry.engine = engine
-    return found
+    return entries

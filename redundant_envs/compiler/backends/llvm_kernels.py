@@ -33,10 +33,10 @@ class KernelEmitter:
 
     def __init__(self, module: ir.Module, kernel: Kernel, functions: Functions, vectors: Vectors) -> None:
         self.functions, self.vectors = functions, vectors
-        made = ir.Function(module, ir.FunctionType(ir.VoidType(), [INT64.as_pointer()]), kernel.name)
-        self.function = lanes.widened(made)
-        self.entry = ir.IRBuilder(made.append_basic_block("entry"))
-        body = made.append_basic_block("body")
+        function = ir.Function(module, ir.FunctionType(ir.VoidType(), [INT64.as_pointer()]), kernel.name)
+        self.function = lanes.widened(function)
+        self.entry = ir.IRBuilder(function.append_basic_block("entry"))
+        body = function.append_basic_block("body")
         self.builder = ir.IRBuilder(body)
         self.values: dict[int, Any] = {}
         self.run(kernel.body)
@@ -118,8 +118,8 @@ class KernelEmitter:
     def _call(self, i: Scalar) -> None:
         name, places = i.extra
         function, arguments = self.functions[name]
-        given = dict(zip(places, self.operands(i), strict=True))
-        self.builder.call(function, [given[a] for a in arguments])
+        operands = dict(zip(places, self.operands(i), strict=True))
+        self.builder.call(function, [operands[a] for a in arguments])
 
 
 def module_of(program: Program, target: Processor) -> ir.Module:

@@ -241,7 +241,7 @@ class EmittedStages:
         result = self.returned if part.returned else ir.VoidType()
         pointers = [*self.spaces, "shared", "kept", "before", "after", "told"]
         arguments = dict.fromkeys(pointers, DOUBLE.as_pointer())
-        arguments |= dict.fromkeys(self.stages.given, self.vectors.numbers)
+        arguments |= dict.fromkeys(self.stages.passed, self.vectors.numbers)
         builder, values = internal(caller.module, f"{caller.name}_{name}_stage", arguments, result)
         set.add(builder.function.attributes, "noinline")
 
@@ -269,11 +269,11 @@ class EmittedStages:
         """The call of a stage; the first is preceded by the earlier part of its own."""
         stages, b = self.stages, emitter.builder
         if not self.memory:
-            carried, told = len(stages.carried), len(stages.told) * len(stages.calls)
-            sizes = [len(stages.shared), max(stages.kept, default=0) + 1, carried, carried, told]
+            carried, spilled = len(stages.carried), len(stages.spilled) * len(stages.calls)
+            sizes = [len(stages.shared), max(stages.in_memory, default=0) + 1, carried, carried, spilled]
             names = ("shared", "kept", "even", "odd", "told")
             self.memory = {name: self._memory(b, n) for name, n in zip(names, sizes, strict=True)}
-            for j, k in stages.kept.items():
+            for j, k in stages.in_memory.items():
                 self.vectors.store(b, emitter.value(node.arguments[k]), self.memory["kept"], j)
             self._call(emitter, -1)
         return self._call(emitter, stages.calls.index(node))
@@ -283,9 +283,10 @@ class EmittedStages:
         memory.align = 8 * self.vectors.width  # a vector that straddles cache lines is read twice
         return memory
 
-    def _told(self, builder: ir.IRBuilder, call: int) -> Any:
+    def _spilled(self, builder: ir.IRBuilder, call: int) -> Any:
         """Address for the results that a call does not return."""
-        return builder.gep(self.memory["told"], [integer(self.vectors.width * len(self.stages.told) * call)])
+        width = self.vectors.width * len(self.stages.spilled)
+        return builder.gep(self.memory["told"], [integer(width * call)])
 
     def _call(self, emitter: Emitter, number: int) -> Any:
         """Call the later part of a stage, but for number -1, with the earlier part of the next, if any."""
@@ -293,14 +294,14 @@ class EmittedStages:
         present, upcoming = calls.get(number), calls.get(number + 1)
         part = "first" if present is None else "last" if upcoming is None else "middle"
         values = []
-        for k in stages.given:
+        for k in stages.passed:
             stage = upcoming if k < stages.subroutine.positions else present
             missing = ir.Constant(self.vectors.numbers, ir.Undefined)
             values.append(emitter.value(stage.arguments[k]) if stage else missing)
         before, after = ("odd", "even") if number % 2 else ("even", "odd")
-        told = self._told(emitter.builder, max(number, 0))
+        spill = self._spilled(emitter.builder, max(number, 0))
         memories = [self.memory[n] for n in ("shared", "kept", before, after)]
-        return emitter.builder.call(self.functions[part], [*self.spaces.values(), *memories, told, *values])
+        return emitter.builder.call(self.functions[part], [*self.spaces.values(), *memories, spill, *values])
 
     def result(self, emitter: Emitter, node: Operation) -> Any:
         """A result of a stage: returned by the call, written to memory, or known without the call."""
@@ -309,9 +310,9 @@ class EmittedStages:
         value = emitter.value(stage)
         if k in stages.returned:
             return emitter.builder.extract_value(value, stages.returned.index(k))
-        if k in stages.told:
-            place = self._told(emitter.builder, stages.calls.index(stage))
-            return self.vectors.load(emitter.builder, place, stages.told.index(k))
+        if k in stages.spilled:
+            place = self._spilled(emitter.builder, stages.calls.index(stage))
+            return self.vectors.load(emitter.builder, place, stages.spilled.index(k))
         return emitter.value(stages.results[k])
 
 

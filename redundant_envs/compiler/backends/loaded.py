@@ -126,8 +126,8 @@ class Loaded(pickle.Pickler):
             return self._told_function(value)
         if isinstance(value, type):
             home = value.__module__
-            own = self._traces(home) and (value.__bases__, self._told_names(home, vars(value), value))
-            return home, value.__qualname__, own
+            members = self._traces(home) and (value.__bases__, self._told_names(home, vars(value), value))
+            return home, value.__qualname__, members
         if kind is CACHED:
             self._caches.append(value.cache_clear)
         if kind in ATTRIBUTES:
@@ -152,7 +152,7 @@ class Loaded(pickle.Pickler):
     def _told_names(self, module: str, names: Mapping[str, Any], kind: Any = None) -> dict[str, Any]:
         """What a module, or a class in it, has by names."""
         self._scopes.append(names)
-        told, private = {}, "_" if isinstance(kind, EnumMeta) else "__"  # maps of an enumeration grow
+        values, private = {}, "_" if isinstance(kind, EnumMeta) else "__"  # maps of an enumeration grow
         for name, value in tuple(names.items()):
             if not isinstance(value, FunctionType):
                 if name.startswith(private):
@@ -163,8 +163,8 @@ class Loaded(pickle.Pickler):
                     if name in REGISTRIES or not (kind or name.isupper()):
                         continue  # others are caches
                     self._scopes.append(value)
-            told[name] = value
-        return told
+            values[name] = value
+        return values
 
     def _told_function(self, function: FunctionType) -> tuple[Any, ...]:
         """A function: its code, and what it and its decorators hold."""

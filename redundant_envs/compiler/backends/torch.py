@@ -40,23 +40,23 @@ class _Plain(torch.autograd.Function):
     @staticmethod
     def vmap(info: Any, axes: tuple[Any, ...], function: Callable[..., Any], *values: Any) -> Any:
         """All lanes at once: the axis of vmap comes first, and other axes are aligned at the last one."""
-        given = list(zip(values, axes[1:], strict=True))
-        rank = max(x.ndim - (axis is not None) for x, axis in given if isinstance(x, torch.Tensor))
+        pairs = list(zip(values, axes[1:], strict=True))
+        rank = max(x.ndim - (axis is not None) for x, axis in pairs if isinstance(x, torch.Tensor))
 
         def moved(x: torch.Tensor, axis: int) -> torch.Tensor:
             x = x.movedim(axis, 0)
             return x.reshape(len(x), *[1] * (rank + 1 - x.ndim), *x.shape[1:])
 
-        found = _Plain.apply(function, *(x if axis is None else moved(x, axis) for x, axis in given))
-        return found, tuple(x.ndim - rank - 1 for x in found)
+        outputs = _Plain.apply(function, *(x if axis is None else moved(x, axis) for x, axis in pairs))
+        return outputs, tuple(x.ndim - rank - 1 for x in outputs)
 
 
 def on_plain_numbers(function: Callable[..., Any], *values: Any) -> tuple[torch.Tensor, ...]:
     """Results of a function as data, without gradients. It gets tensors with numbers that may be read, within
     torch.func, too, and returns some whose last axes are those that its arguments broadcast to."""
-    given = (x.detach() if isinstance(x, torch.Tensor) else x for x in values)
-    found: tuple[torch.Tensor, ...] = _Plain.apply(function, *given)
-    return found
+    detached = (x.detach() if isinstance(x, torch.Tensor) else x for x in values)
+    outputs: tuple[torch.Tensor, ...] = _Plain.apply(function, *detached)
+    return outputs
 
 
 def _philox(*numbers: Any) -> tuple[torch.Tensor, ...]:
@@ -65,7 +65,7 @@ def _philox(*numbers: Any) -> tuple[torch.Tensor, ...]:
     def words(*numbers: Any) -> tuple[torch.Tensor, ...]:
         device = next(x.device for x in numbers if isinstance(x, torch.Tensor))
         plain: Any = (x.cpu().numpy() if isinstance(x, torch.Tensor) else x for x in numbers)
-        return tuple(torch.as_tensor(found, device=device) for found in numpy.philox(*plain))
+        return tuple(torch.as_tensor(word, device=device) for word in numpy.philox(*plain))
 
     return on_plain_numbers(words, *numbers)
 

@@ -29,9 +29,9 @@ def module(program: Program) -> bytes:
     """A program of the lanes of :data:`~redundant_envs.compiler.backends.processors.WASM` as a module that
     exports its kernels, which take the address of a frame as those of other back ends do."""
     with llvm.target(WASM):
-        made = linked(llvm.object_code(program), [kernel.name for kernel in program.kernels])
-    section = _text(IDENTITY) + hashlib.sha256(made).hexdigest().encode()
-    return made + bytes([CUSTOM]) + _leb(len(section)) + section
+        code = linked(llvm.object_code(program), [kernel.name for kernel in program.kernels])
+    section = _text(IDENTITY) + hashlib.sha256(code).hexdigest().encode()
+    return code + bytes([CUSTOM]) + _leb(len(section)) + section
 
 
 def identity(code: bytes) -> str:
@@ -41,7 +41,7 @@ def identity(code: bytes) -> str:
 
 def linked(code: bytes, names: list[str]) -> bytes:
     """The module of an object, which exports some of its functions."""
-    own: dict[int, bytes] = {}
+    parts: dict[int, bytes] = {}
     functions: dict[str, int] = {}
     reader = _Reader(code, 8)  # after the magic number and the version
     while reader:
@@ -49,13 +49,13 @@ def linked(code: bytes, names: list[str]) -> bytes:
         if number == CUSTOM:
             functions |= _functions(content)
         else:
-            own[number] = content
+            parts[number] = content
     exports = [_text(name) + b"\0" + _leb(functions[name]) for name in names]
-    own[EXPORTS] = _leb(len(exports)) + b"".join(exports)
+    parts[EXPORTS] = _leb(len(exports)) + b"".join(exports)
     order = (TYPES, IMPORTED, FUNCTIONS, EXPORTS, CODE)
-    assert own.keys() <= {*order}, "only a linker can place data, tables and the like"
+    assert parts.keys() <= {*order}, "only a linker can place data, tables and the like"
     return code[:8] + b"".join(
-        bytes([number]) + _leb(len(own[number])) + own[number] for number in order if number in own
+        bytes([number]) + _leb(len(parts[number])) + parts[number] for number in order if number in parts
     )
 
 
@@ -90,11 +90,11 @@ class _Reader:
 
 
 def _leb(number: int) -> bytes:
-    made = bytearray()
+    encoded = bytearray()
     while number >= 0x80:
-        made.append(number & 0x7F | 0x80)
+        encoded.append(number & 0x7F | 0x80)
         number >>= 7
-    return bytes([*made, number])
+    return bytes([*encoded, number])
 
 
 def _text(name: str) -> bytes:
@@ -103,9 +103,9 @@ def _text(name: str) -> bytes:
 
 def _functions(content: bytes) -> dict[str, int]:
     """Numbers of functions by name, if a custom section has the symbols."""
-    reader, found = _Reader(content), dict[str, int]()
+    reader, numbers = _Reader(content), dict[str, int]()
     if reader.take() != b"linking":
-        return found
+        return numbers
     reader.number()  # the version
     while reader:
         part = reader.byte()
@@ -116,6 +116,6 @@ def _functions(content: bytes) -> dict[str, int]:
             if not flags & UNDEFINED or flags & NAMED:
                 name = symbols.take().decode()
                 if kind == FUNCTION:
-                    found[name] = number
+                    numbers[name] = number
             assert kind != FUNCTION or not flags & UNDEFINED, "the object calls functions of others"
-    return found
+    return numbers

@@ -131,10 +131,10 @@ class Kernel:
         self, name: str, *arguments: Any, kind: str = INT, extra: Any = None,
         bodies: tuple[list[Scalar], ...] = (),
     ) -> Scalar:  # fmt: skip
-        made = Scalar(self, self._count, name, arguments, kind, extra, bodies)
-        self._open[-1].append(made)
+        scalar = Scalar(self, self._count, name, arguments, kind, extra, bodies)
+        self._open[-1].append(scalar)
         self._count += 1
-        return made
+        return scalar
 
     # ---- scalars ---------------------------------------------------------------------------------
 

@@ -153,13 +153,13 @@ class Graph:
     def record(self, name: str, *arguments: Value, extra: Any = None, shared: bool = False) -> Operation:
         operands = [a if type(a) is Operation else bits_of(a) for a in arguments]
         key = (name, extra, self.part if name == "*" and not shared else 0, *operands)
-        found = self._known.get(key)
-        if found is None:
+        operation = self._known.get(key)
+        if operation is None:
             origin = _origin() if self._located else None
-            found = self._known[key] = Operation(name, list(arguments), extra, origin)
+            operation = self._known[key] = Operation(name, list(arguments), extra, origin)
             if self._counter is not None and next(self._counter) > MAX_OPERATIONS:
                 raise TooManyOperations(f"more than {MAX_OPERATIONS} operations")
-        return found
+        return operation
 
     def load(self, space: str, k: int) -> Operation:
         """Number ``k`` of a space of memory."""

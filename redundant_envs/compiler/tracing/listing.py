@@ -30,11 +30,11 @@ def function_lines(f: LaneFunction, name_of: Namer = plain_name) -> Iterator[str
     nodes = reached(f.results)
     for subroutine in dict.fromkeys(n.extra for n in nodes if n.name == "stage"):
 
-        def given(space: str, k: int, names: Sequence[str] = subroutine.names) -> str:
+        def input_name(space: str, k: int, names: Sequence[str] = subroutine.names) -> str:
             return names[k] if names and space == "given" and name_of is not plain_name else name_of(space, k)
 
         yield f"subroutine of {f.name}:"
-        yield from result_lines(subroutine.traced()[0], given)
+        yield from result_lines(subroutine.traced()[0], input_name)
         yield from _about(aside=subroutine.asides)
     yield f"function {f.name}:"
     tables, known = sorted(f.inputs.items()), sorted(f.known.items())
@@ -56,8 +56,8 @@ def result_lines(results: Sequence[Value], name_of: Namer = plain_name) -> Itera
     yield f"  gives {_arguments(results, numbers)}"
 
 
-def _about(**told: Sequence[object]) -> Iterator[str]:
-    return (f"  {what} {value}" for what, value in told.items() if value)
+def _about(**entries: Sequence[object]) -> Iterator[str]:
+    return (f"  {what} {value}" for what, value in entries.items() if value)
 
 
 def _operations(numbers: dict[Operation, int], name_of: Namer) -> Iterator[str]:

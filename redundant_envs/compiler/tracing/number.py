@@ -35,10 +35,10 @@ def _binary(name: str, swapped: bool = False) -> Method:
         else:
             return NotImplemented
         a, b = (b, self.value) if swapped else (self.value, b)
-        made = self.graph.combine(name, a, b)
-        if type(made) is bool:
-            return made
-        return Condition(self.graph, made) if compares else Number(self.graph, made)
+        value = self.graph.combine(name, a, b)
+        if type(value) is bool:
+            return value
+        return Condition(self.graph, value) if compares else Number(self.graph, value)
 
     return method
 
@@ -295,16 +295,16 @@ def logarithm(x: Any, significand: Any, exponent: Any) -> Any:
         p = c + z * p
     half_square = 0.5 * f * f
     rest = s * (half_square + z * p) + k * 1.90821492927058770002e-10
-    found = k * 6.93147180369123816490e-01 - ((half_square - rest) - f)
-    found = algebra.where(x < math.inf, found, math.inf)
-    return algebra.where(x > 0.0, found, algebra.where(x == 0.0, -math.inf, math.nan))
+    log_x = k * 6.93147180369123816490e-01 - ((half_square - rest) - f)
+    log_x = algebra.where(x < math.inf, log_x, math.inf)
+    return algebra.where(x > 0.0, log_x, algebra.where(x == 0.0, -math.inf, math.nan))
 
 
 def philox(*numbers: Any) -> tuple[Number, ...]:
     """Random words, see :func:`algebra.philox`: one operation, whose results are words."""
     graph = next(x.graph for x in numbers if isinstance(x, Number))
-    made = graph.record("philox", *map(value_of, numbers))
-    return tuple(Number(graph, graph.record("word", made, extra=k)) for k in range(4))
+    operation = graph.record("philox", *map(value_of, numbers))
+    return tuple(Number(graph, graph.record("word", operation, extra=k)) for k in range(4))
 
 
 algebra.register_numbers(

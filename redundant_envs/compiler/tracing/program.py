@@ -88,8 +88,8 @@ class Machine:
                     "waits; yield from a generator function"
                 )
             place.append(_place(frame))
-            kept = ((n, _without_numbers(v)) for n, v in frame.f_locals.items())
-            values |= {(frame.f_code.co_qualname, n): v for n, v in kept if v is not OnlyNumbers}
+            variables = ((n, _without_numbers(v)) for n, v in frame.f_locals.items())
+            values |= {(frame.f_code.co_qualname, n): v for n, v in variables if v is not OnlyNumbers}
             running = running.gi_yieldfrom
         key = tuple(place)
         if key not in self._found:
@@ -144,8 +144,8 @@ def _without_numbers(value: Any) -> Any:
         return OnlyNumbers
     if isinstance(value, tuple | list | set | frozenset | dict):
         items = value.items() if isinstance(value, dict) else value
-        kept = [_without_numbers(v) for v in items if not isinstance(v, int | float)]
-        return tuple(v for v in kept if v is not OnlyNumbers and v != ()) or OnlyNumbers
+        entries = [_without_numbers(v) for v in items if not isinstance(v, int | float)]
+        return tuple(v for v in entries if v is not OnlyNumbers and v != ()) or OnlyNumbers
     return value
 
 

@@ -265,11 +265,11 @@ def _by_number(tree: Tree, partition: Sequence[int], values: Sequence[Any]) -> A
 
 def _operations(values: Iterable[Any], known: set[Operation]) -> set[Operation]:
     """Operations that decide and select, and that some values need beside known ones."""
-    found: set[Operation] = set()
+    nodes: set[Operation] = set()
     stack = [x.value for x in values if isinstance(x, Number)]
     while stack:
         node = stack.pop()
-        if isinstance(node, Operation) and node.name in MERGING and node not in known and node not in found:
-            found.add(node)
+        if isinstance(node, Operation) and node.name in MERGING and node not in known and node not in nodes:
+            nodes.add(node)
             stack += node.arguments
-    return found
+    return nodes

@@ -43,7 +43,7 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
     p = Kernel("advance", {**MEMORY, "efforts": "f64", **COLUMNS})
     blocks = Blocks(p, interval, interval.layout())
     gives_up = features.local and (bool(features.boundaries) or features.control is Control.ADAPTIVE)
-    told: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
 
     def end(lane: Lane) -> dict[Any, Any]:
         interval.update_effect_states(lane)
@@ -55,21 +55,21 @@ def advance_kernel(dynamics: Dynamics) -> tuple[Kernel, Blocks]:
             fault, given_up = lane.fault, lane.fault >= GIVEN_UP
             defect = where(given_up, 0.0, defect)
         if features.counts_evaluations:
-            told["evaluations"] = lane.evaluations
+            columns["evaluations"] = lane.evaluations
         if features.stops:
-            told["events"] = where(given_up, 0.0, lane.impacts)
+            columns["events"] = where(given_up, 0.0, lane.impacts)
         if gives_up:
             interval.undo(lane, given_up)
         features.log.end(lane, given_up)
         if dynamics.method.error5:
-            told["error"] = lane.error
-        told["finite"] = defect == 0.0
+            columns["error"] = lane.error
+        columns["finite"] = defect == 0.0
         non_finite = where(defect == 0.0, 0.0, float(Fault.NON_FINITE))
-        told["numerics"] = non_finite + fault + angle_fault(dynamics.arm, lane)
-        return {(name, COLUMNS[name], 0, 0): value for name, value in told.items()}
+        columns["numerics"] = non_finite + fault + angle_fault(dynamics.arm, lane)
+        return {(name, COLUMNS[name], 0, 0): value for name, value in columns.items()}
 
     def outputs(block: Block) -> dict[str, Any]:
-        return {name: p[name] + block.first for name in COLUMNS if name in told}
+        return {name: p[name] + block.first for name in COLUMNS if name in columns}
 
     advance(blocks, Ends(lambda lane: None, {"efforts": ("f64", dynamics.commands)}, end, outputs))
     blocks.prune()

@@ -123,15 +123,15 @@ class Blocks:
         """Procedures of a lane, one after the other, as one compiled function."""
         return self._keep(traced(name, self.layout, *procedures, **more))
 
-    def _keep(self, made: LaneFunction) -> LaneFunction:
-        self.functions[made.name] = made
-        self.reads[made.name] = {n.extra for n in reached(made.results) if n.name == "load"}
-        return made
+    def _keep(self, function: LaneFunction) -> LaneFunction:
+        self.functions[function.name] = function
+        self.reads[function.name] = {n.extra for n in reached(function.results) if n.name == "load"}
+        return function
 
     def program(self) -> dict[Any, LaneFunction]:
         """The program of a lane as functions: at its beginning (None), and after each request."""
-        made = self.interval.traced_program(self.layout)
-        return {request: self._keep(function) for request, function in made.items()}
+        functions = self.interval.traced_program(self.layout)
+        return {request: self._keep(function) for request, function in functions.items()}
 
     def mask(self, pointers: Mapping[str, Scalar], name: str) -> Scalar:
         """Lanes of a block whose field is not 0."""

@@ -210,6 +210,6 @@ def goal_reward_kernel(task: Task) -> Kernel:
     output, inputs = Output("reward", "f64", 0, 0, value_of(reward)), {"pairs": ("f64", len(goals))}
     function = LaneFunction("goal_reward", ("numbers",), [], [output], inputs, whole_blocks=True)
     with p.each(p["blocks"]) as block:
-        pairs, told = p["pairs"] + block * (LANES * len(goals)), p["reward"] + block * LANES
-        p.call(function, pairs=pairs, reward=told, numbers=p["numbers"])
+        pairs, rewards = p["pairs"] + block * (LANES * len(goals)), p["reward"] + block * LANES
+        p.call(function, pairs=pairs, reward=rewards, numbers=p["numbers"])
     return p

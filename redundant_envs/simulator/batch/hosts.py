@@ -23,8 +23,8 @@ def prepare_kernel(dynamics: Dynamics, layout: Layout, lanes: int) -> Kernel:
     :meth:`~redundant_envs.model.memory.Memory.prepare`."""
 
     def prepare(lane: Lane) -> None:
-        made = dynamics.parameters.prepare({name: lane[name] for name in dynamics.parameters.values})
-        lane.set(made, made.values())
+        prepared = dynamics.parameters.prepare({name: lane[name] for name in dynamics.parameters.values})
+        lane.set(prepared, prepared.values())
 
     return _of_a_block(traced("prepare", layout, prepare, joins=False), lanes)
 

@@ -35,11 +35,11 @@ def solution(w: Matrix, b: Sequence[Any], unsigned: Matrix | None = None) -> lis
 
 def solutions(w: Matrix, b: Sequence[Any]) -> list[dict[int, Any]]:
     """x of w x = b for each set of coordinates alone, by their numbers; the smaller sets first."""
-    count, found = len(b), []
+    count, solutions = len(b), []
     for some in (s for n in range(1, count + 1) for s in itertools.combinations(range(count), n)):
         x = solution([[w[i][j] for j in some] for i in some], [b[i] for i in some])
-        found.append(dict(zip(some, x, strict=True)))
-    return found
+        solutions.append(dict(zip(some, x, strict=True)))
+    return solutions
 
 
 def outward_mobilities(w: Matrix, sides: Sequence[Any]) -> list[list[Any]]:

@@ -304,9 +304,9 @@ def last_piece(trial: Trial, sought: Sought) -> LastPiece:
     for k, s in enumerate(e.motion for e in trial.encounters):
         if not s.bounces:
             continue
-        own = maximum(direction(s.velocity) * (s.limit(s.velocity) - s.position), 0.0) / abs(s.velocity)
-        sooner = possible & s.free & (abs(s.velocity) > 0.0) & (own < time) & logical_not(sought.chosen[k])
-        time = where(sooner, own, time)
+        t_stop = maximum(direction(s.velocity) * (s.limit(s.velocity) - s.position), 0.0) / abs(s.velocity)
+        sooner = possible & s.free & (abs(s.velocity) > 0.0) & (t_stop < time) & logical_not(sought.chosen[k])
+        time = where(sooner, t_stop, time)
         arrives = [x | sooner if j == k else x & logical_not(sooner) for j, x in enumerate(arrives)]
     time = where(sought.free & possible, time, 0.0)
     if trial.node is not None:  # as a correction to second order

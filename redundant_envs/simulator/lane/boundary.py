@@ -44,13 +44,13 @@ class Boundary(abc.ABC):
         """``name`` ends the names of its fields, ``owner`` is the key of the effect that has added it."""
         self.dynamics, self.name, self.owner = dynamics, name, owner
 
-    def own(self, *names: str) -> Iterator[Variable]:
+    def own_variables(self, *names: str) -> Iterator[Variable]:
         """Some of its own fields, as lanes declare them."""
         return (replace(getattr(type(self), n).declared, name=getattr(self, n)) for n in names)
 
     def watched_fields(self) -> Iterator[Variable]:
         """Fields with its values at the stages of a step, and how it is met."""
-        yield from self.own("first", "last", "least", "most")
+        yield from self.own_variables("first", "last", "least", "most")
 
     @property
     def watches(self) -> tuple[str, ...]:
@@ -88,7 +88,7 @@ class Bounded(Boundary):
 
     def watched_fields(self) -> Iterator[Variable]:
         yield from super().watched_fields()
-        yield from self.own("crossing", "turning")
+        yield from self.own_variables("crossing", "turning")
 
     @abc.abstractmethod
     def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
@@ -213,7 +213,7 @@ class LawChange(Bounded):
         self.joint, self.lower, self.upper = joint, lower, upper
 
     def fields(self) -> Iterator[Variable]:
-        yield from self.own("side")
+        yield from self.own_variables("side")
         yield from copies((self.side,), "{}_start", "before the common step")
 
     def motion(self, lane: Lane, form: str = "{}") -> tuple[Any, Any]:
@@ -245,10 +245,10 @@ class Guard(Boundary):
     left = Own("", "has passed 0 where the trial step starts", truth=True)
 
     def fields(self) -> Iterator[Variable]:
-        yield from self.own("side", "pull")
+        yield from self.own_variables("side", "pull")
         yield from copies((self.side, self.pull), "{}_start", "before the common step")
         yield from copies((self.pull,), "{}_trial", "at the start of the trial step")
-        yield from self.own("middle", "inner")
+        yield from self.own_variables("middle", "inner")
 
     @property
     def watches(self) -> tuple[str, ...]:

@@ -40,12 +40,12 @@ Closing = Callable[[Attached[Any], Quantities], None]
 """What is done with the states of a hook in closed form, where its inputs are known in quantities."""
 
 
-def noting(varying: Mapping[str, Sequence[str]], found: dict[str, Any]) -> Closing:
+def noting(varying: Mapping[str, Sequence[str]], start: dict[str, Any]) -> Closing:
     """Note the quantities that closed forms take at the start of a step."""
 
     def note(a: Attached[Any], x: Quantities) -> None:
         for field in a.states:
-            found.update({noted(field, name): x[name] for name in varying.get(field, ())})
+            start.update({noted(field, name): x[name] for name in varying.get(field, ())})
 
     return note
 
@@ -55,17 +55,17 @@ def closing(start: Mapping[str, Any], elapsed: Any, varying: Mapping[str, Sequen
     step, and what :func:`noting` has found there."""
 
     def close(a: Attached[Any], x: Quantities) -> None:
-        for field, own in a.states.items():
-            if "closed" not in own:
+        for field, functions in a.states.items():
+            if "closed" not in functions:
                 continue
-            given = {field: start[field], TIME: elapsed}
+            values = {field: start[field], TIME: elapsed}
             if field in varying:
-                early = share(own["rate"](x) * elapsed)
+                early = share(functions["rate"](x) * elapsed)
                 for name in varying[field]:
                     before = start[noted(field, name)]
-                    given[name] = before + early * (x[name] - before)
-            names = own["closed"].names
-            x[field] = own["closed"].on(given[name] if name in given else x[name] for name in names)
+                    values[name] = before + early * (x[name] - before)
+            names = functions["closed"].names
+            x[field] = functions["closed"].on(values[name] if name in values else x[name] for name in names)
 
     return close
 
@@ -78,7 +78,7 @@ def noted(field: str, name: str) -> str:
 def varying_arguments(attached: Any, arm: Any, constant: frozenset[str]) -> dict[str, tuple[str, ...]]:
     """For each state with a closed form and a rate the quantities that this form takes, and that change
     within a step; ``constant`` has the names of some that do not."""
-    found: dict[str, tuple[str, ...]] = {}
+    arguments: dict[str, tuple[str, ...]] = {}
 
     def changes(name: str, known: frozenset[str]) -> bool:
         if name in known:
@@ -88,12 +88,12 @@ def varying_arguments(attached: Any, arm: Any, constant: frozenset[str]) -> dict
         return not roots_of(name, arm).isdisjoint((*arm.coordinates, *arm.rates))
 
     def examine(a: Attached[Any], known: frozenset[str]) -> None:
-        for field, own in a.states.items():
-            if "closed" in own and "rate" in own:
-                names = [n for n in own["closed"].names if n not in (field, TIME)]
+        for field, functions in a.states.items():
+            if "closed" in functions and "rate" in functions:
+                names = [n for n in functions["closed"].names if n not in (field, TIME)]
                 varying = tuple(dict.fromkeys(n for n in names if changes(n, known)))
                 if varying:
-                    found[field] = varying
+                    arguments[field] = varying
 
     for a in attached.of(Force):
         examine(a, constant)
@@ -103,4 +103,4 @@ def varying_arguments(attached: Any, arm: Any, constant: frozenset[str]) -> dict
             examine(link, known)
             if any(changes(name, known) for name in link.functions["function"].names):
                 known = known - {command}
-    return found
+    return arguments

@@ -66,8 +66,8 @@ def lane_step(features: Features, lane: Lane, h: Any) -> Step:
         if start:
             known["elapsed"] = node * h
         results = right_hand_side(*(known[name] for name in arguments))
-        found = dict(zip(late, results, strict=False)) | dynamics.autonomous_changes(known)
-        return [*(found[name] for name in states[count:]), *results[len(late) :]]
+        slopes = dict(zip(late, results, strict=False)) | dynamics.autonomous_changes(known)
+        return [*(slopes[name] for name in states[count:]), *results[len(late) :]]
 
     step = explicit_step(dynamics.method, changes, lane.get(states), count, h)
     if start:
@@ -176,12 +176,12 @@ class CommonStep:
             lane.set(features.counted, [0.0] * len(features.counted))
             features.log.clear(lane)
             if features.origin != "{}_start":
-                lane.copy(features.kept, to=features.origin)
+                lane.copy(features.saved, to=features.origin)
         jumps.strike(features, lane)
 
     def start(self, lane: Lane) -> None:
         """Before a common step: keep the state, and determine which lanes the step may serve."""
-        lane.copy(self.features.kept, to="{}_start")
+        lane.copy(self.features.saved, to="{}_start")
         lane.error_start = lane.error
         lane.copy(self.features.counted, to="{}_start")
         self.boundaries.begin_laws(lane)
@@ -198,7 +198,7 @@ class CommonStep:
         rates = [lane.least_step_rate] if "least_step_rate" in self.dynamics.parameters.prepared else []
         here = quantities_of_arm(self.dynamics, lane)
         rates += rates_of_motion(self.dynamics.scene, lane, here, numbers_of(self.dynamics, lane), crossed)
-        fastest, most = (reduce(maximum, found or [0.0]) for found in (turning, rates))
+        fastest, most = (reduce(maximum, values or [0.0]) for values in (turning, rates))
         return crossed * maximum(2.0 * fastest, self.pieces.least_rate(lane, most))
 
     def common_step(self, lane: Lane) -> None:
@@ -256,9 +256,9 @@ class CommonStep:
             doubts += [far > error_control.FAR * distance for distance in self._distances(lane, "{}")]
         if moving is not None and features.pose_tells_distances:
             doubts += self._farther(lane, "{}", "{}_start")
-        for name, found in (("kinked", crossed), ("hidden_kink", hidden), ("doubtful", doubts)):
-            if found:
-                seen = any_of(found) if moving is None else any_of(found) & moving
+        for name, flags in (("kinked", crossed), ("hidden_kink", hidden), ("doubtful", doubts)):
+            if flags:
+                seen = any_of(flags) if moving is None else any_of(flags) & moving
                 lane[name] = lane[name] | seen
 
     def _distances(self, lane: Lane, form: str) -> list[Any]:

@@ -133,16 +133,16 @@ def graphs_of(interval: Interval) -> tuple[Any, ...]:
     return procedure, program, {layout.row_of(name): name for name in layout.fields}
 
 
-def _cross_together(interval: Interval, given: Fields, records: Sequence[Steps] = ()) -> dict[str, Any]:
+def _cross_together(interval: Interval, start: Fields, records: Sequence[Steps] = ()) -> dict[str, Any]:
     """Many lanes: traced procedures and the traced program, by an interpreter; ``records`` are those of the
     pieces of an interval, if there are any."""
-    fields, (traced_procedure, program, names) = dict(given), graphs_of(interval)
+    fields, (traced_procedure, program, names) = dict(start), graphs_of(interval)
 
     def call(*parts: Procedure | LaneFunction) -> None:
         for part in parts:
             stores = (part if isinstance(part, LaneFunction) else traced_procedure(part)).stores
-            found = evaluate((v for _, _, v in stores), lambda place: fields.get(names[place], 0.0))
-            for (space, row, _), value in zip(stores, found, strict=True):
+            values = evaluate((v for _, _, v in stores), lambda place: fields.get(names[place], 0.0))
+            for (space, row, _), value in zip(stores, values, strict=True):
                 fields[names[space, row]] = value
 
     def some(name: str) -> bool:
@@ -215,9 +215,9 @@ class Steps:
     def shares(self, crossed: NDArray[np.bool_]) -> NDArray[np.float64]:
         """The steps as :func:`steps_taken` has them; those of lanes that have not crossed it are left out."""
         most = max(int(self._counts.max(initial=0)), 1)  # a step without a length has the shape of all lanes
-        found = np.moveaxis(self._rows[:most], 1, 0).copy()
-        found[0] = np.where(crossed & (np.arange(most)[:, None] < self._counts), found[0] / self._span, 0.0)
-        return found
+        rows = np.moveaxis(self._rows[:most], 1, 0).copy()
+        rows[0] = np.where(crossed & (np.arange(most)[:, None] < self._counts), rows[0] / self._span, 0.0)
+        return rows
 
     def tried(self, before: Fields, after: Fields) -> None:
         """Record a trial step of lanes that have left the common step, from their fields before and after the

@@ -127,17 +127,17 @@ class Dynamics:
         """Fields and forces with states whose rates of change follow from these and constants alone."""
 
         def follows(a: Attached[Any]) -> bool:
-            own = [functions["derivative"] for functions in a.states.values() if "derivative" in functions]
+            slopes = [functions["derivative"] for functions in a.states.values() if "derivative" in functions]
             known = {*a.states, *self.constant} - {*self.closed}  # closed forms are those of a stage
-            return bool(own) and all(known.issuperset(f.names) for f in own)
+            return bool(slopes) and all(known.issuperset(f.names) for f in slopes)
 
         return tuple(a for a in self.scene.attached.of(hooks.Field, hooks.Force) if follows(a))
 
     @cached_property
     def autonomous(self) -> tuple[str, ...]:
         """States of these that are integrated."""
-        own = {field for a in self._autonomous for field in a.states} - {*self.closed}
-        return tuple(name for name in self.effect_states.integrated if name in own)
+        fields = {field for a in self._autonomous for field in a.states} - {*self.closed}
+        return tuple(name for name in self.effect_states.integrated if name in fields)
 
     def autonomous_changes(self, known: Mapping[str, Any]) -> Changes:
         """Rates of change of such states by their names, from them and from constants."""
@@ -146,13 +146,13 @@ class Dynamics:
 
     def guard_values(self, x: Quantities, begins: bool = False) -> dict[str, Any]:
         """Values of guards by their boundaries; where an interval ``begins``, they set the sides in ``x``."""
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for a in self.scene.attached.along(x, self.guarded):
             if a in self.guarded:
                 if begins:
                     a.settle_law(x)
-                found |= zip(a.guards, a.guard_values(x), strict=True)
-        return found
+                values |= zip(a.guards, a.guard_values(x), strict=True)
+        return values
 
     def friction_limit(self, joint: int, x: Quantities, speed: Any) -> Any:
         """Largest force of the friction of a joint at a speed, N m or N."""
@@ -169,7 +169,7 @@ class Dynamics:
         ``close`` states of links, and then those of forces, are in closed form."""
         efforts, changes = x.each(self.commands), dict[str, Any]()
         for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
-            given = efforts[k]
+            commanded = efforts[k]
             for link in chain:
                 x[command] = efforts[k]
                 if link.guards and not self.locates_laws:
@@ -178,7 +178,7 @@ class Dynamics:
                     close(link, x)
                 changes |= link.changes(change, x)
                 efforts[k] = link.functions["function"](x)
-            x[command] = given
+            x[command] = commanded
         if close is not None:
             for a in self.scene.attached.of(hooks.Force):
                 if a.has_laws and not self.locates_laws:
@@ -203,18 +203,18 @@ class Dynamics:
 
     def begun(self, x: Quantities) -> Changes:
         """Those of them that no sensor has, from quantities that have the draws."""
-        own = (a.changes("initial", x) for a in self.scene.attached if not isinstance(a.hook, hooks.Sensing))
-        return {name: value for changes in own for name, value in changes.items()}
+        maps = (a.changes("initial", x) for a in self.scene.attached if not isinstance(a.hook, hooks.Sensing))
+        return {name: value for changes in maps for name, value in changes.items()}
 
     def _drawn(self, what: str, lane: Any) -> dict[str, Any]:
         """Draws that functions of states take, by the names of quantities: at a start, or in an interval."""
-        functions = (own[what] for a in self.scene.attached for own in a.states.values() if what in own)
+        functions = (state[what] for a in self.scene.attached for state in a.states.values() if what in state)
         needed = {n: self.draws[n] for f in functions for n in f.names if n in self.draws}
         if not needed:
             return {}
         interval = 0.0 if what == "initial" else lane[INTERVALS] + 1.0
-        found = drawn(needed.values(), interval, lane.get(DRAW_KEY))
-        return {name: found[draw] for name, draw in needed.items()}
+        values = drawn(needed.values(), interval, lane.get(DRAW_KEY))
+        return {name: values[draw] for name, draw in needed.items()}
 
     # ---- equations of motion -----------------------------------------------------------------------
 
@@ -227,8 +227,8 @@ class Dynamics:
     @property
     def functions(self) -> tuple[Callable[..., Any], ...]:
         """Equations of the arm with the inertias that effects add."""
-        added, own = self.scene.attached.inertias, self.arm_functions
-        return (*functions_with(self.arm.__class__, added), *own[len(self.arm.functions) :]) if added else own
+        added, eqs = self.scene.attached.inertias, self.arm_functions
+        return (*functions_with(self.arm.__class__, added), *eqs[len(self.arm.functions) :]) if added else eqs
 
     @property
     def arm_functions(self) -> tuple[Callable[..., Any], ...]:
@@ -381,5 +381,5 @@ def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[
     arm = dynamics.arm
     still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
     still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
-    made = Quantities({**numbers_of(dynamics, x), **still}, dynamics.functions, arm.sincos)
-    return made.each(f"qdd{k + 1}" for k in range(dynamics.count))
+    quantities = Quantities({**numbers_of(dynamics, x), **still}, dynamics.functions, arm.sincos)
+    return quantities.each(f"qdd{k + 1}" for k in range(dynamics.count))

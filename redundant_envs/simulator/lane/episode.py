@@ -91,7 +91,7 @@ class Episode:
         task, owner = self.task, f"the task {type(self.task).__name__}"
         yield from self.interval.fields()
         if not self.features.local:
-            yield from copies(self.features.kept, "{}_start", "when the interval began")
+            yield from copies(self.features.saved, "{}_start", "when the interval began")
         yield from variables(task.parameters(), "number", PARAMETER, owner=owner)
         yield from engine("limit")
         yield from variables(task.memory, "memory", STATE, owner=owner)
@@ -129,7 +129,7 @@ class Episode:
     def command(self, lane: Lane) -> None:
         """Efforts from actions: saturated and counted; a non-finite action commands none and is recorded."""
         if not self.features.local:
-            lane.copy(self.features.kept, to="{}_start")
+            lane.copy(self.features.saved, to="{}_start")
         count: Any = 0.0
         defect: Any = 0.0
         units = tuple(self.dynamics.scene.action_units())
@@ -177,10 +177,10 @@ class Episode:
         for t in self.terms:
             lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
         lane.set(task.updates, x.each(task.updates.values()))
-        told = code if task.speed_bound_ends else code + fast
+        numerics = code if task.speed_bound_ends else code + fast
         if self.features.local:
-            told = told + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
-        lane.numerics = told + angle_fault(self.arm, lane)
+            numerics = numerics + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
+        lane.numerics = numerics + angle_fault(self.arm, lane)
         lane.steps = lane.steps + 1.0
         lane.terminated = where(faulty, 1.0, 0.0)
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
@@ -271,11 +271,11 @@ class Randomized:
 
     def numbers(self) -> dict[str, float]:
         """Numbers of the ranges by their fields: those of distributions, and the scene's own for factors."""
-        found: dict[str, float] = {}
+        values: dict[str, float] = {}
         for one, names in self.drawn.items():
-            found |= {_of(one, part): value for part, value in one.distribution.numbers().items()}
-            found |= {f"nominal {name}": self._nominal[name] for name in names if one.scale}
-        return found
+            values |= {_of(one, part): value for part, value in one.distribution.numbers().items()}
+            values |= {f"nominal {name}": self._nominal[name] for name in names if one.scale}
+        return values
 
     def ends(self) -> dict[str, tuple[float, float]]:
         """The least and the largest value of each scalar parameter that is drawn."""
@@ -283,20 +283,20 @@ class Randomized:
 
     def streams(self) -> list[Stream]:
         """A stream of draws for each range, from its name alone: no range changes the draws of another."""
-        made = []
+        streams = []
         for one, names in self.drawn.items():
             digest = hashlib.sha256(one.name.encode()).digest()
             first, second = (int.from_bytes(digest[k : k + 4], "big") for k in (0, 4))
             draws = [_of(one, f"draw {k + 1}") for k in range(1 if one.shared else len(names))]
-            made.append(((first & ~0xFF, PURPOSE | second >> 1), draws))
-        return made
+            streams.append(((first & ~0xFF, PURPOSE | second >> 1), draws))
+        return streams
 
     def draw(self, lane: Lane) -> None:
         """Set the numbers of the lanes that are ``resetting``."""
         for (one, names), (_, draws) in zip(self.drawn.items(), self.streams(), strict=True):
             formula, parts = one.distribution.formula, one.distribution.numbers()
-            given = [lane[_of(one, part)] for part in parts]
-            values = [formula(lane[name], *given) for name in draws]
+            numbers = [lane[_of(one, part)] for part in parts]
+            values = [formula(lane[name], *numbers) for name in draws]
             for k, name in enumerate(names):
                 nominal = lane[f"nominal {name}"] if one.scale else 1.0
                 value = one.drawn(values[0 if one.shared else k], nominal)

@@ -52,8 +52,8 @@ class Features:
         self.laws = tuple(self._law_changes()) if dynamics.locates_laws else ()
         """Positions at which forces change their laws, where that is located."""
         guard = boundary.LateGuard if dynamics.bounds_late_switch else boundary.Guard
-        own = (guard(dynamics, name, a.key) for a in dynamics.guarded for name in a.guards)
-        self.guards: tuple[boundary.Guard, ...] = (*own, *self.sticking)
+        guards = (guard(dynamics, name, a.key) for a in dynamics.guarded for name in a.guards)
+        self.guards: tuple[boundary.Guard, ...] = (*guards, *self.sticking)
         """Guards that are located, and joints that stick and slip, which always are."""
         self.bounded: tuple[boundary.Bounded, ...] = (*self.stops, *self.laws)
         self.boundaries: tuple[boundary.Boundary, ...] = (*self.bounded, *self.guards)
@@ -76,8 +76,8 @@ class Features:
         self.rests = tuple(j.rest for j in self.sticking)
         """Fields of the positions at which joints stick."""
         count = (INTERVALS,) if dynamics.draws else ()
-        self.kept = (*dynamics.states, *dynamics.effect_states.updated, *count, *self.active, *self.rests)
-        """Fields that are kept at the start of an interval, and restored when it is given up."""
+        self.saved = (*dynamics.states, *dynamics.effect_states.updated, *count, *self.active, *self.rests)
+        """Fields that are saved at the start of an interval, and restored when it is given up."""
         self.log = EventLog(several=not controlled) if self.stops and dynamics.track_work else NoLog()
         self.counted = (*(["impacts"] if self.stops else []), *self.log.counted)
         """Fields with counts of an interval, which are restored when it is crossed again or given up."""
@@ -91,7 +91,7 @@ class Features:
         forces = attached.of(Force)
         springs = any("stiffness" in a.functions for a in forces)
         single = [a.functions for a in forces if a.hook.switch is None]
-        bends = any("kink" in own and "guard" not in own for own in single)
+        bends = any("kink" in functions and "guard" not in functions for functions in single)
         self.sharpness = SHARPNESS_OF_SPRINGS if (springs and self.stops) or bends else SHARPNESS
         """The factor of the error estimate: the larger one with springs and stops, and with a force that
         declares where its single law bends."""
@@ -167,5 +167,5 @@ class Features:
     def pulls(self, x: Quantities, held: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Values of guards by the names of their boundaries, positive where the present law does not hold any
         more; see :meth:`StickingJoint.pull_of`."""
-        found = {name: -(x[f"side_{name}"] * value) for name, value in self.dynamics.guard_values(x).items()}
-        return found | {b.name: b.pull_of(x, held) for b in self.sticking}
+        pulls = {name: -(x[f"side_{name}"] * value) for name, value in self.dynamics.guard_values(x).items()}
+        return pulls | {b.name: b.pull_of(x, held) for b in self.sticking}

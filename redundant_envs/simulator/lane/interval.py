@@ -49,12 +49,12 @@ class Interval:
                 yield from engine("evaluations")
             return
         for stop in features.holding:
-            yield from stop.own("active_stop")
+            yield from stop.own_variables("active_stop")
         if features.control is Control.ADAPTIVE:
             yield from engine("next_step")
-        yield from copies(features.kept, "{}_start", "before the common step")
+        yield from copies(features.saved, "{}_start", "before the common step")
         if features.origin != "{}_start":
-            yield from copies(features.kept, features.origin, "when the interval began")
+            yield from copies(features.saved, features.origin, "when the interval began")
         yield from copies(dynamics.states, "{}_trial", "at the start of the trial step")
         yield from engine("evaluations", "reason", "error_start", "min_steps", "state")
         yield from engine("entered", "due", "moving", "touching", "complete")
@@ -68,7 +68,7 @@ class Interval:
         if dynamics.bounds_late_switch:
             yield from engine("departure", "target")
             for guard in features.guards:
-                yield from guard.own("left")
+                yield from guard.own_variables("left")
         if self.boundaries.impulses_change_laws:
             yield from engine("resolving")
         if features.stops:
@@ -96,7 +96,7 @@ class Interval:
 
     def undo(self, lane: Lane, failed: Any) -> None:
         """Return lanes that failed to their states at the start of the interval."""
-        lane.set_where(failed, lane.values(self.features.kept, of=self.features.origin))
+        lane.set_where(failed, lane.values(self.features.saved, of=self.features.origin))
 
     def end(self, lane: Lane) -> None:
         """End an interval; a lane that has given it up returns to its state at the start."""
@@ -115,7 +115,7 @@ class Interval:
         step that is its first trial step (:data:`FIRST`). The layout gets fields that only it sets; ``whole``
         is for :class:`Graph`."""
         self.declare_program(layout)
-        made: dict[Any, LaneFunction] = {}
+        functions: dict[Any, LaneFunction] = {}
         machine = Machine(self.program.cross, TracedLane(layout, Graph()), Request, whole)
         for request, answered in ANSWERED.items():
             if request not in machine.graphs:
@@ -124,19 +124,19 @@ class Interval:
             if request is not Request.FORCES:  # which the program itself asks for again
                 written[answered] = 0.0
             name = "begin_program" if request is None else f"after_{request.name.lower()}"
-            made[request] = function_of(layout, name, written)
+            functions[request] = function_of(layout, name, written)
         skips = self.features.control is Control.ADAPTIVE and self.features.sticking
         if self.features.boundaries and not skips:  # what sticks is decided before any first step then
             written = machine.after(Request.STEP, "due", first=True)
-            made[FIRST] = function_of(layout, "after_common_step", {**written, "due": 0.0})
-        return made
+            functions[FIRST] = function_of(layout, "after_common_step", {**written, "due": 0.0})
+        return functions
 
     def layout(self) -> Layout:
         dynamics, arm, layout = self.dynamics, self.dynamics.arm, Layout(self.fields())
         known = (*dynamics.states, *dynamics.parameters.numbers, *dynamics.commands)
         owners = ARGUMENTS | {name: layout.fields[name].whose for name in known}
         more = (arm.held_dynamics, arm.slider_mobility, arm.column_norms, arm.mobility_bounds)
-        given = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
+        outputs = {name for f in (*arm.functions, *filter(None, more)) for name in gives_of(f)}
         kept_alike = {name for f in arm.prepared for name in gives_of(f)}  # under the same names
-        check_names(f"{arm.kind}.functions", given.union(*arm.sincos.values()) - kept_alike, owners)
+        check_names(f"{arm.kind}.functions", outputs.union(*arm.sincos.values()) - kept_alike, owners)
         return layout

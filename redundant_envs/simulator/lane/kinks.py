@@ -20,20 +20,20 @@ class Watch(NamedTuple):
 
     function: Bound
     moving: tuple[bool, ...] = ()  # whether each argument moves; empty for a kink that the effect declares
-    kept: tuple[int, ...] = (0,)  # indices of those of its kinks that are watched
+    watched: tuple[int, ...] = (0,)  # indices of those of its kinks that are watched
     levels: tuple[bool, ...] = (False,)  # for each of these, whether there is a kink at each whole number
 
     def values(self, x: Quantities) -> list[Any]:
         if not self.moving:  # its own value does
-            found = self.function(x)
-            return [*found] if isinstance(found, tuple) else [found]
+            value = self.function(x)
+            return [*value] if isinstance(value, tuple) else [value]
         kinks = kinks_in(self.run(x))
-        return [kinks[k].value for k in self.kept]
+        return [kinks[k].value for k in self.watched]
 
     def run(self, x: Quantities) -> Any:
         """The function on numbers that know whether they move."""
-        given = x.each(self.function.names)
-        return self.function.on(Moving(*pair) for pair in zip(given, self.moving, strict=True))
+        values = x.each(self.function.names)
+        return self.function.on(Moving(*pair) for pair in zip(values, self.moving, strict=True))
 
 
 Watches = dict[Attached[Any], list[Watch]]
@@ -42,7 +42,7 @@ Watches = dict[Attached[Any], list[Watch]]
 
 def levels_of(watches: Watches) -> list[bool]:
     """For each of :func:`kink_values`, whether there is a kink at each whole number."""
-    return [levels for own in watches.values() for watch in own for levels in watch.levels]
+    return [levels for of_hook in watches.values() for watch in of_hook for levels in watch.levels]
 
 
 def kink_values(attached: Attachments, watches: Watches, x: Quantities) -> list[Any]:
@@ -65,7 +65,7 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
                 known[name] = not roots_of(name, arm).isdisjoint((*arm.coordinates, *arm.rates))
         return tuple(leaves.get(n, False) if n == command else known[n] for n in function.names)
 
-    found: list[tuple[Attached[Any], Watch, list[Key]]] = []
+    candidates: list[tuple[Attached[Any], Watch, list[Key]]] = []
     seen: set[Key] = {None}
     for a in attached.along(x):
         command = attached.commands[a.hook.joint] if isinstance(a.hook, Actuation) else ""
@@ -73,13 +73,13 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
         if "kink" in a.functions and any(moves(a.functions["kink"], command)):
             watch = Watch(a.functions["kink"])
             values = watch.values(x)
-            found.append((a, watch._replace(levels=(False,) * len(values)), []))
+            candidates.append((a, watch._replace(levels=(False,) * len(values)), []))
             for value in values:
-                own, *chosen = _keys_declared(value_of(value))
-                seen.add(own)
+                declared, *chosen = _keys_declared(value_of(value))
+                seen.add(declared)
                 stands_for.update(chosen)
         # Functions that determine the motion within an interval.
-        rates = [own["derivative"] for own in a.states.values() if "derivative" in own]
+        rates = [f["derivative"] for f in a.states.values() if "derivative" in f]
         for function in (a.functions["function"], *rates):
             watch = Watch(function, moves(function, command))
             result = watch.run(x)
@@ -87,14 +87,16 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
                 leaves[command] = moving(result).moves
             keys = [_key(value_of(kink.value), kink.levels) for kink in kinks_in(result)]
             if any(watch.moving):
-                found.append((a, watch, [None if key in stands_for else key for key in keys]))
+                candidates.append((a, watch, [None if key in stands_for else key for key in keys]))
     watches: Watches = {}
-    for a, watch, keys in found:
-        kept = [k for k, key in enumerate(keys) if key not in seen and key not in keys[:k]]
+    for a, watch, keys in candidates:
+        indices = [k for k, key in enumerate(keys) if key not in seen and key not in keys[:k]]
         seen.update(keys)
-        if kept:
-            watch = watch._replace(kept=tuple(kept), levels=tuple(isinstance(keys[k], tuple) for k in kept))
-        if kept or not watch.moving:
+        if indices:
+            watch = watch._replace(
+                watched=tuple(indices), levels=tuple(isinstance(keys[k], tuple) for k in indices)
+            )
+        if indices or not watch.moving:
             watches.setdefault(a, []).append(watch)
     return watches
 

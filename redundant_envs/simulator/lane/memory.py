@@ -127,10 +127,10 @@ def traced(
     for array, (_, fields) in (inputs or {}).items():
         lane.set(fields, [Number(graph, graph.load(array, k)) for k in range(len(fields))])
     *_, outputs = [procedure(lane) for procedure in procedures]
-    made = function_of(layout, name, lane.written())
+    function = function_of(layout, name, lane.written())
     for place, v in (outputs or {}).items():
-        made.outputs.append(Output(*place, v.value if isinstance(v, Condition) else value_of(v)))
-    made.inputs |= {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()}
-    made.joins = joins
-    made.known = {layout.row_of(n): x for n, x in (known or {}).items()}
-    return made
+        function.outputs.append(Output(*place, v.value if isinstance(v, Condition) else value_of(v)))
+    function.inputs |= {array: (element, len(fields)) for array, (element, fields) in (inputs or {}).items()}
+    function.joins = joins
+    function.known = {layout.row_of(n): x for n, x in (known or {}).items()}
+    return function

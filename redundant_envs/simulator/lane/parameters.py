@@ -45,23 +45,23 @@ class Parameters:
         functions = arm.prepared if arm.mobility_bounds is None else (*arm.prepared, arm.mobility_bounds)
         changing = self.scene.attached.changing
         # Without the masses that may come: with these no joint is more mobile.
-        made: dict[str, Any] = {
+        prepared: dict[str, Any] = {
             mass: total(parameters[n] for n in (self.field_of(mass), *loads) if n in parameters)
             for mass, loads in self.scene.attached.carried.items()
         }
-        x = Quantities({**parameters, **made}, functions, {})
-        made = {mass: value for mass, value in made.items() if mass not in changing}
+        x = Quantities({**parameters, **prepared}, functions, {})
+        prepared = {mass: value for mass, value in prepared.items() if mass not in changing}
         if not changing:
-            made |= {name: x[name] for f in arm.prepared for name in gives_of(f)}
-        fields, known = self.scene.attached.constant_fields, {*parameters, *made}
+            prepared |= {name: x[name] for f in arm.prepared for name in gives_of(f)}
+        fields, known = self.scene.attached.constant_fields, {*parameters, *prepared}
         if fields and all({*a.functions["function"].names} <= known for a in fields):
-            made |= zip(self.steady_field, field_of(fields, x), strict=True)
-        made |= {a.instant: a.functions["after"](x) for a in self.scene.attached.instants}
+            prepared |= zip(self.steady_field, field_of(fields, x), strict=True)
+        prepared |= {a.instant: a.functions["after"](x) for a in self.scene.attached.instants}
         if not self.scene.controlled:
-            return made
+            return prepared
         rates = rates_of_parameters(self.scene, x)
-        made |= {"least_step_rate": reduce(maximum, rates)} if rates else {}
-        return made | {field: most_mobility(self.scene, a, x) for field, a in dampers(self.scene)}
+        prepared |= {"least_step_rate": reduce(maximum, rates)} if rates else {}
+        return prepared | {field: most_mobility(self.scene, a, x) for field, a in dampers(self.scene)}
 
     @property
     def steady_field(self) -> tuple[str, str]:
@@ -102,7 +102,7 @@ def rates_of_parameters(scene: Scene, x: Quantities) -> list[Any]:
     rates = []
     for a in scene.attached:
         # A state, too, has two of its time constants in each step, and an oscillation 2 rad of its phase.
-        rates += [0.5 * own["rate"](x) for own in a.states.values() if "rate" in own]
+        rates += [0.5 * functions["rate"](x) for functions in a.states.values() if "rate" in functions]
         of_force = a.functions if isinstance(a.hook, Force) else {}
         if "stiffness" in of_force:
             rates.append(0.5 * sqrt(of_force["stiffness"](x) * most_mobility(scene, a, x)))
@@ -121,8 +121,8 @@ def depends_on_motion(a: Attached[Any]) -> bool:
 def dampers(scene: Scene) -> list[tuple[str, Attached[Force]]]:
     """Forces whose damping depends on their joint's motion, under a tolerance, with the fields of the largest
     mobilities of their joints. Estimates of dop853, held near rounding, see such dampers."""
-    found = [a for a in scene.attached.of(Force) if scene.tolerance is not None and depends_on_motion(a)]
-    return [(f"most_mobility{a.hook.joint + 1}", a) for a in found if isinstance(a.hook.joint, int)]
+    forces = [a for a in scene.attached.of(Force) if scene.tolerance is not None and depends_on_motion(a)]
+    return [(f"most_mobility{a.hook.joint + 1}", a) for a in forces if isinstance(a.hook.joint, int)]
 
 
 def rates_of_motion(scene: Scene, lane: Any, x: Quantities, numbers: Any, interval: Any) -> list[Any]:

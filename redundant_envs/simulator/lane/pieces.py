@@ -30,7 +30,12 @@ SHORTER = 0.999
 
 def renewed(attached: Attachments) -> dict[str, str]:
     """States of effects that are updated at an instant, and the fields that say whether it has passed."""
-    return {field: a.passed for a in attached for field, own in a.states.items() if INSTANT_UPDATE in own}
+    return {
+        field: a.passed
+        for a in attached
+        for field, functions in a.states.items()
+        if INSTANT_UPDATE in functions
+    }
 
 
 class Whole:
@@ -237,9 +242,10 @@ class RepeatedPieces(Pieces):
     def _return_to_start(self, lane: Lane) -> None:
         """Where the interval has to be crossed again: the lane as it was before its first piece."""
         features, zero = self.features, (*self.features.counted, *self.dynamics.passed)
-        names = (*features.kept, *zero, "error", "piece_end", "error_carried", "shortest_step", "steps_taken")
+        of_pieces = "error", "piece_end", "error_carried", "shortest_step", "steps_taken"
+        names = (*features.saved, *zero, *of_pieces)
         after = lane.get(names)
-        lane.copy(features.kept, of=features.origin)
+        lane.copy(features.saved, of=features.origin)
         lane.set(zero, [0.0] * len(zero))
         self._begin_attempt(lane)
         jumps.strike(features, lane)

@@ -59,10 +59,10 @@ class LaneProgram:
         if self.features.resolves:
             yield from engine("changes")
         for b in self.features.stops:
-            yield from b.own("released")
+            yield from b.own_variables("released")
         yield from engine("at_stop", "step")
         for bounded in self.features.bounded:
-            yield from bounded.own("cleared")
+            yield from bounded.own_variables("cleared")
         yield from engine("searched")
         if self.features.boundaries:
             yield from engine(*SEARCH, "for_turn")

@@ -24,8 +24,8 @@ Read = dict[tuple[Reading, int], Any]
 def renewed(attached: Attachments, what: str, x: Quantities) -> dict[str, Any]:
     """New values of the sensors' states, by their fields: the "update" at the end of an interval, or those
     that are "initial"; ``x`` then has them."""
-    owned = (own for a in attached.of(Sensing) for own in a.states.values())
-    return _read(attached, x, what)[1] if any(what in own for own in owned) else {}
+    owned = (functions for a in attached.of(Sensing) for functions in a.states.values())
+    return _read(attached, x, what)[1] if any(what in functions for functions in owned) else {}
 
 
 def _read(attached: Attachments, x: Quantities, what: str = "") -> tuple[Read, dict[str, Any]]:
@@ -36,9 +36,9 @@ def _read(attached: Attachments, x: Quantities, what: str = "") -> tuple[Read, d
     for a in attached.of(Sensing):
         key = a.hook.reading, a.hook.joint
         reaching = _reaching(a.hook.reading.value.format(a.hook.joint + 1), read.get(key), x)
-        own = {field: reaching(functions[what]) for field, functions in a.states.items() if what in functions}
-        x.update(own)
-        new |= own
+        z = {field: reaching(functions[what]) for field, functions in a.states.items() if what in functions}
+        x.update(z)
+        new |= z
         read[key] = reaching(a.functions["function"])
     return read, new
 

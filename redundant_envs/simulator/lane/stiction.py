@@ -114,14 +114,14 @@ class StickingJoint(Guard):
         """While it sticks, keep its position and its rate 0 to the last bit."""
         arm, joint, others = self.dynamics.arm, self.joint, self.joint.others()
         sticks = lane[self.side] == 0.0
-        rate, kept = 0.0, before[joint.coordinate]
+        rate, position = 0.0, before[joint.coordinate]
         if others:
             rate = total(times(share, now[arm.rates[k]]) for k, share in others)
             still = all_of(now[arm.coordinates[k]] == before[arm.coordinates[k]] for k, _ in others)
             moved = (times(share, now[arm.coordinates[k]]) for k, share in others)
-            kept = where(still, kept, total([lane[self.rest], *moved]))
+            position = where(still, position, total([lane[self.rest], *moved]))
         now[joint.rate] = where(sticks, rate, now[joint.rate])
-        now[joint.coordinate] = where(sticks, kept, now[joint.coordinate])
+        now[joint.coordinate] = where(sticks, position, now[joint.coordinate])
 
     def strike(self, lane: Lane, strikes: Any) -> None:
         """After impulses: with a rate it slips that way, and without one it is decided anew."""
@@ -165,9 +165,9 @@ class NoStiction:
     def fields(self) -> Iterator[Variable]:
         """Fields beside those that every guard has."""
         for j in self.joints:
-            yield from j.own("rest", "force", "alpha")
+            yield from j.own_variables("rest", "force", "alpha")
         for j in self.at_stops:
-            yield from j.own("limit")
+            yield from j.own_variables("limit")
 
     def grip(self, lane: Lane, joint: StickingJoint | None) -> Any:
         """Limit of the friction at rest of a joint with a stop; None if stops hold sliders by themselves."""

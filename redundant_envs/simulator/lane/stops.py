@@ -44,7 +44,7 @@ class Impacting(Bounded):
 
     def fields(self) -> Iterator[Variable]:
         yield from variables(self.mobilities, "rate of the arm per impulse along the coordinate")
-        yield from self.own("happened", "speed")
+        yield from self.own_variables("happened", "speed")
 
     def rule(self, lane: Lane, rule: Any, form: str = "{}") -> Any:
         """Apply a rule of :mod:`events.boundary` to the state in the fields of a form."""
@@ -109,7 +109,7 @@ class Wall(Impacting):
         self.gap, self.normals = gap, [f"normal_{v}_{name}" for v in dynamics.arm.rates]
 
     def fields(self) -> Iterator[Variable]:
-        yield from self.own("acceleration", "arrived")
+        yield from self.own_variables("acceleration", "arrived")
         yield from variables(self.normals, "rate of the gap per rate of the arm")
         yield from super().fields()
 
@@ -202,7 +202,7 @@ class HoldingStop(TravelStop):
     force_trial = Own("N", "at the start of the trial step")
 
     def fields(self) -> Iterator[Variable]:
-        yield from self.own("force", "force_trial")
+        yield from self.own_variables("force", "force_trial")
         yield from super().fields()
 
     def active_side(self, lane: Lane, form: str = "{}") -> Any:
@@ -256,8 +256,8 @@ class HingeStop(Stop):
     def set_position(self, lane: Lane, position: Any) -> None:
         lower, upper = self.limits(lane)
         at_stop = (position == lower) | (position == upper)
-        own = self.travel.own_value(position, lane, self.dynamics.arm.coordinates)
-        lane[self.travel.coordinate] = where(at_stop, own, lane[self.travel.coordinate])
+        coordinate = self.travel.own_value(position, lane, self.dynamics.arm.coordinates)
+        lane[self.travel.coordinate] = where(at_stop, coordinate, lane[self.travel.coordinate])
 
 
 class Bounces:

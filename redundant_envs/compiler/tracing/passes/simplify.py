@@ -55,12 +55,12 @@ def specialise(results: list[Value], known: Mapping[tuple[str, int], float]) -> 
     Joined products stay joined, so the bits are those of the whole function with these numbers."""
     if not known:
         return results
-    made: dict[Operation, Value | bool] = {}
+    values: dict[Operation, Value | bool] = {}
 
     def folded(node: Operation) -> Value | bool:
         if node.name == "load":
             return known.get(node.extra, node)
-        arguments = [made[a] if isinstance(a, Operation) else a for a in node.arguments]
+        arguments = [values[a] if isinstance(a, Operation) else a for a in node.arguments]
         if node.name == "abs" and isinstance(arguments[0], float):
             return abs(arguments[0])
         if node.name in COMPARISONS and all(isinstance(a, float) for a in arguments):
@@ -80,5 +80,5 @@ def specialise(results: list[Value], known: Mapping[tuple[str, int], float]) -> 
         return Operation(node.name, arguments, node.extra, node.origin)
 
     for node in reached(results):
-        made[node] = folded(node)
-    return [made[r] if isinstance(r, Operation) else r for r in results]
+        values[node] = folded(node)
+    return [values[r] if isinstance(r, Operation) else r for r in results]

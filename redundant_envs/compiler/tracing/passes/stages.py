@@ -38,15 +38,15 @@ class Subroutine:
         if traced is None:
             return self.function(*numbers)
         graph = traced.graph
-        made = graph.record("stage", *(value_of(n) for n in numbers), extra=self)
+        call = graph.record("stage", *(value_of(n) for n in numbers), extra=self)
         self.arguments = len(numbers)
-        return [Number(graph, graph.record("result", made, extra=k)) for k in range(self.results)]
+        return [Number(graph, graph.record("result", call, extra=k)) for k in range(self.results)]
 
     def traced(self) -> tuple[list[Value], list[Operation]]:
         """Its results, and all operations that they need, on arguments "given"."""
         graph = Graph()
-        given = [Number(graph, graph.load("given", k)) for k in range(self.arguments)]
-        results = [value_of(r) for r in self.function(*given)]
+        arguments = [Number(graph, graph.load("given", k)) for k in range(self.arguments)]
+        results = [value_of(r) for r in self.function(*arguments)]
         return results, reached(results)
 
 
@@ -79,55 +79,55 @@ class Stages:
                 raise ValueError("positions given to a stage follow from its results in the stage before")
         columns = zip(*(c.arguments for c in calls), strict=True)
         same = [all(a is column[0] for a in column) for column in columns]
-        self.given = [k for k, constant in enumerate(same) if not constant]
+        self.passed = [k for k, constant in enumerate(same) if not constant]
         """Numbers of the arguments that a call passes."""
         alike = {k: x for k, x in enumerate(calls[0].arguments) if same[k] and isinstance(x, Operation)}
-        kept = [k for k, x in alike.items() if x.name != "load" or x.extra[0] not in spaces]
+        candidates = [k for k, x in alike.items() if x.name != "load" or x.extra[0] not in spaces]
         graph = Graph()
         sources = list(calls[0].arguments)
-        for k in self.given:
+        for k in self.passed:
             sources[k] = graph.load("given", k)
-        for j, k in enumerate(kept):
+        for j, k in enumerate(candidates):
             sources[k] = graph.load("kept", j)
         results = [value_of(r) for r in self.subroutine.function(*(Number(graph, x) for x in sources))]
         join_products(results, self.subroutine.asides)
         results = specialise(results, known)
         needed = {n.extra[1] for n in reached(results) if n.name == "load" and n.extra[0] == "kept"}
-        self.kept = {j: k for j, k in enumerate(kept) if j in needed}
+        self.in_memory = {j: k for j, k in enumerate(candidates) if j in needed}
         """Positions in the caller's memory -> numbers of the arguments that it keeps there."""
         self.results, self.carried, carried_on, self.shared = self._split(results)
         # Equal results are passed once.
         keys = [bits_of(r) if isinstance(r, float) else r for r in self.results]  # 0.0 is not -0.0
         self.first = [keys.index(r) for r in keys]
         computed = [k for k, r in enumerate(self.results) if isinstance(r, Operation) and self.first[k] == k]
-        self.returned, self.told = computed[:RETURNED], computed[RETURNED:]
+        self.returned, self.spilled = computed[:RETURNED], computed[RETURNED:]
         later = [self.results[k] for k in self.returned]
-        told = _stores("told", [self.results[k] for k in self.told])
+        spilled = _stores("told", [self.results[k] for k in self.spilled])
         self.parts = {
             "first": StageResults([], _stores("after", self.carried) + _stores("shared", self.shared)),
-            "middle": StageResults(later, _stores("after", carried_on) + told),
-            "last": StageResults(later, told),
+            "middle": StageResults(later, _stores("after", carried_on) + spilled),
+            "last": StageResults(later, spilled),
         }
 
     def _split(self, results: list[Value]) -> tuple[list[Any], ...]:
         """The results as functions of velocities, carried and shared values; the carried values, first as
         functions of positions alone, then of these and shared values; and the shared values."""
         early: dict[Operation, bool] = {}
-        given: dict[Operation, bool] = {}
+        varying: dict[Operation, bool] = {}
         for n in reached(results):
-            given[n] = _is_given(n) or any(given[a] for a in n.operands)
+            varying[n] = _is_given(n) or any(varying[a] for a in n.operands)
             position = _is_given(n) and n.extra[1] < self.subroutine.positions
             early[n] = position if _is_given(n) else all(early[a] for a in n.operands)
         carried: list[Operation] = []
         shared: dict[Operation, int] = {}
 
         def load_shared(n: Operation, graph: Graph) -> Operation | None:
-            if given[n] or not _kept_in_memory(n):
+            if varying[n] or not _kept_in_memory(n):
                 return None
             return graph.load("shared", shared.setdefault(n, len(shared)))
 
         def load(n: Operation, graph: Graph) -> Operation | None:
-            if early[n] and (_is_given(n) or (given[n] and _kept_in_memory(n))):
+            if early[n] and (_is_given(n) or (varying[n] and _kept_in_memory(n))):
                 carried.append(n)
                 return graph.load("before", len(carried) - 1)
             return load_shared(n, graph)
@@ -175,21 +175,21 @@ def _kept_in_memory(node: Operation) -> bool:
 
 def _replaced(nodes: Sequence[Value], instead: Callable[[Operation, Graph], Operation | None]) -> list[Value]:
     """Rebuild operations, with those that ``instead`` returns in place of some of their operands."""
-    made: dict[Operation, Operation] = {}
+    rebuilt: dict[Operation, Operation] = {}
     graph = Graph()
 
     def anew(n: Value) -> Value:
-        return made[n] if isinstance(n, Operation) else n
+        return rebuilt[n] if isinstance(n, Operation) else n
 
     stack = [(n, False) for n in reversed(nodes) if isinstance(n, Operation)]
     while stack:
         n, complete = stack.pop()
         if complete:
-            made[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.origin)
-        elif n not in made:
+            rebuilt[n] = Operation(n.name, [anew(a) for a in n.arguments], n.extra, n.origin)
+        elif n not in rebuilt:
             other = instead(n, graph) or (n if n.name == "load" else None)
             if other is not None:
-                made[n] = other
+                rebuilt[n] = other
             else:
                 stack.append((n, True))
                 stack.extend((a, False) for a in reversed(n.operands))
