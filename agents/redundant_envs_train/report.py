@@ -26,7 +26,7 @@ from .evidence.runs import group, read_run
 from .pages import page, results_table
 from .play import clip
 from .policies import load_policy
-from .rollout import EVALUATION_SEED, Outcome, expert_act, policy_act, run_episodes
+from .rollout import EVALUATION_SEED, EpisodeEnds, expert_act, policy_act, run_episodes
 from .statistics import Statistic, differs, wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
@@ -35,14 +35,14 @@ EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "exper
 """Columns of episodes.csv."""
 
 
-class Evaluation(NamedTuple):
+class EvaluationResult(NamedTuple):
     """The content of evaluation.json, and the rows of episodes.csv."""
 
     result: dict[str, Any]
     episodes: NDArray[np.float64]
 
 
-def evaluate(folder: Path, trust: bool = False) -> Evaluation:
+def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     """Evaluate the policy of a folder in its own scene; nothing is written. ``trust``: see load_policy."""
     config = run_folder.own_config(folder)
     facts = run_folder.read_facts(folder)
@@ -72,10 +72,10 @@ def evaluate(folder: Path, trust: bool = False) -> Evaluation:
     columns = [policy.hold, policy.touch, policy.distance, policy.returns]
     columns += [None, None] if expert is None else [expert.hold, expert.distance]
     known = [np.full(n, np.nan) if column is None else column for column in columns]
-    return Evaluation(result, np.column_stack([EVALUATION_SEED + np.arange(n), *known]))
+    return EvaluationResult(result, np.column_stack([EVALUATION_SEED + np.arange(n), *known]))
 
 
-def reasons(policy: Outcome, expert: Outcome | None, core: Core) -> dict[str, int | None]:
+def reasons(policy: EpisodeEnds, expert: EpisodeEnds | None, core: Core) -> dict[str, int | None]:
     """Counts of the goals that were missed without a fault, by what happened; None if it is unknown."""
     counts: dict[str, int | None] = dict.fromkeys(("restless", "passed", "missed_by_both"))
     if policy.hold is None:
@@ -90,7 +90,7 @@ def reasons(policy: Outcome, expert: Outcome | None, core: Core) -> dict[str, in
     return counts
 
 
-def write_evaluation(evaluation: Evaluation, folder: Path) -> None:
+def write_evaluation(evaluation: EvaluationResult, folder: Path) -> None:
     """Write evaluation.json and episodes.csv into a folder, which is made."""
     with replacing(folder / "episodes.csv") as part:
         np.savetxt(
@@ -116,7 +116,7 @@ COMPARED: dict[str, tuple[str, Statistic, bool]] = {
 """Measures of an evaluation: the field of an outcome, its statistic, and whether more is better."""
 
 
-def measures(who: str, outcome: Outcome | None) -> dict[str, float | None]:
+def measures(who: str, outcome: EpisodeEnds | None) -> dict[str, float | None]:
     """All measures of an outcome; None for those that are unknown."""
     results: dict[str, float | None] = {}
     for name, (field, statistic, _) in COMPARED.items():
@@ -126,7 +126,7 @@ def measures(who: str, outcome: Outcome | None) -> dict[str, float | None]:
     return results
 
 
-def better(policy: Outcome, expert: Outcome) -> dict[str, bool | None]:
+def better(policy: EpisodeEnds, expert: EpisodeEnds) -> dict[str, bool | None]:
     """For each measure that both have, whether the policy is better than the expert at the same goals; None:
     no difference beyond chance. Times are compared by the medians over the goals that each has held."""
     verdicts: dict[str, bool | None] = {}

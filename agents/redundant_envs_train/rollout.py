@@ -24,7 +24,7 @@ SUCCESS = ("is_success", "touch_success", "distance")
 Act = Callable[[Any, Core, int], NDArray[np.float32]]  # (observations, core, step) -> actions (n, joints)
 
 
-class Outcome(NamedTuple):
+class EpisodeEnds(NamedTuple):
     """Ends of episodes, one entry each; None for what the task does not tell."""
 
     hold: NDArray[np.bool_] | None
@@ -60,7 +60,7 @@ def info_names(core: Core) -> list[str]:
     return [core.task.labels.get(name, name) for name in core.task.metrics]
 
 
-def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> Outcome:
+def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any) -> EpisodeEnds:
     """Run each episode once, in a separate environment with seed ``seed + i``."""
     from redundant_envs.envs.sb3 import make_sb3  # imports torch
 
@@ -98,7 +98,7 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
     if hold is not None and counts_steps:  # ``held`` counts the steps before the last one
         time_to_hold = np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan)
     evaluations = [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
-    return Outcome(
+    return EpisodeEnds(
         hold, touch, distance, returns,
         ended=~whole, faults=np.array([end.get("numerics", 0) for end in ends]), steps=steps,
         evaluations=np.array(evaluations), time_to_hold=time_to_hold,

@@ -74,7 +74,7 @@ class HalfPlane(Effect):
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         (x, y), (nx, ny) = self.point, self.normal
-        return (shapes.HalfPlane((x, y), (nx, ny)),)
+        return (shapes.HalfSpace((x, y), (nx, ny)),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         points = range(0 if self.along_links else arm.num_masses - 1, arm.num_masses)

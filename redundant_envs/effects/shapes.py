@@ -30,7 +30,7 @@ class Circle(NamedTuple):
     radius: float
 
 
-class HalfPlane(NamedTuple):
+class HalfSpace(NamedTuple):
     """All that is beyond a straight edge, through a point and across a normal out of it."""
 
     point: Place
@@ -58,7 +58,7 @@ class Ground(NamedTuple):
     displacement: Place
 
 
-Shape = Circle | HalfPlane | Line | Load | Ground
+Shape = Circle | HalfSpace | Line | Load | Ground
 
 
 class Pose:

@@ -21,7 +21,7 @@ OPTION_KEYS = [*LARGEST_START, PARAMETERS]
 Lanes = NDArray[np.int64]
 
 
-class Part(NamedTuple):
+class OptionValues(NamedTuple):
     """What one option gives to some lanes."""
 
     names: tuple[str, ...]  # parameters, those that options have set among them; or fields of a start
@@ -29,7 +29,7 @@ class Part(NamedTuple):
     values: NDArray[np.float64]  # (lanes, names)
 
 
-Given = dict[str, Part]  # options by their names, checked
+Given = dict[str, OptionValues]  # options by their names, checked
 
 
 def within(options: Given, lanes: Lanes, others: bool = False) -> Given:
@@ -38,7 +38,7 @@ def within(options: Given, lanes: Lanes, others: bool = False) -> Given:
     for key, part in options.items():
         chosen = np.isin(part.lanes, lanes, invert=others)
         if chosen.any():
-            parts[key] = Part(part.names, part.lanes[chosen], part.values[chosen])
+            parts[key] = OptionValues(part.names, part.lanes[chosen], part.values[chosen])
     return parts
 
 
@@ -49,7 +49,7 @@ def over(options: Given, more: Given) -> Given:
         (_, lanes, values), part = options[key], more[key]
         rest = ~np.isin(lanes, part.lanes)
         together = np.concatenate([lanes[rest], part.lanes]), np.concatenate([values[rest], part.values])
-        merged[key] = Part(part.names, *together)
+        merged[key] = OptionValues(part.names, *together)
     return merged
 
 
@@ -85,7 +85,7 @@ def checked_reset(
             marks = {mark: np.maximum(flags, coming.pop(mark)) for mark, flags in marks.items()}
             numbers = {**coming, **numbers}
         rows = parameters.lane_values(scene, memory, lanes, numbers, True, task) | marks
-        parts[PARAMETERS] = Part(tuple(rows), lanes, np.stack([*rows.values()], axis=1))
+        parts[PARAMETERS] = OptionValues(tuple(rows), lanes, np.stack([*rows.values()], axis=1))
     if options.get("goal") is not None and not episode.goal:
         raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
     starts = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
@@ -97,7 +97,7 @@ def checked_reset(
         most, largest = float(np.abs(values).max(initial=0.0)), LARGEST_START[key]
         if most > largest:
             raise ValueError(f"{where} has an entry of size {most:g}; give at most {largest:g}")
-        parts[key] = Part(names, lanes, values)
+        parts[key] = OptionValues(names, lanes, values)
     _check_starts(episode, memory, parts, lanes)
     return parts
 
@@ -126,7 +126,7 @@ def _check_starts(episode: Episode, memory: Memory, options: Given, lanes: Lanes
         return
     scene, coming = episode.dynamics.scene, _narrowest(episode, _coming(episode, memory, lanes, options))
 
-    def of(part: Part) -> Table:
+    def of(part: OptionValues) -> Table:
         rows = _rows(lanes, part.lanes)
         return {name: values[rows] for name, values in coming.items()}
 

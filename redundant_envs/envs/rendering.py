@@ -353,11 +353,11 @@ class Drawing:
         """A canvas for an arm of a reach, with ground, obstacles and the reach; it shows ``least`` [m] around
         the base at least."""
         half_width = border * (max(shapes.seen_with(scenery, reach), least) or 1.0)
-        behind = tuple(x for x in scenery if isinstance(x, shapes.Circle | shapes.HalfPlane))
+        behind = tuple(x for x in scenery if isinstance(x, shapes.Circle | shapes.HalfSpace))
         made_for = (half_width, reach, behind)
         if self._background[0] != made_for:
             canvas = Canvas(half_width, self._empty.copy())
-            for plane in (x for x in behind if isinstance(x, shapes.HalfPlane)):
+            for plane in (x for x in behind if isinstance(x, shapes.HalfSpace)):
                 canvas.half_plane(plane.point, plane.normal, palette.OBSTACLE, palette.EDGE)
             canvas.disc((0.0, 0.0), canvas.scale * reach, palette.REACH, ring=2.0)
             for circle in (x for x in behind if isinstance(x, shapes.Circle)):

@@ -50,18 +50,18 @@ def _arithmetic(of: Callable[[Any, Any], Any]) -> tuple[Operator, Operator]:
 
 
 def _comparison(of: Callable[[Any, Any], Any]) -> Operator:
-    def compare(self: Moving, other: Any) -> Choice:
+    def compare(self: Moving, other: Any) -> MovingCondition:
         o = moving(other)
         kinks = (Kink(self.value - o.value),) if self.moves or o.moves else ()
-        return Choice(of(self.value, o.value), kinks)
+        return MovingCondition(of(self.value, o.value), kinks)
 
     return compare
 
 
 def _connection(of: Callable[[Any, Any], Any]) -> Operator:
-    def connect(self: Choice, other: Any) -> Choice:
+    def connect(self: MovingCondition, other: Any) -> MovingCondition:
         o = _choice(other)
-        return Choice(of(self.condition, o.condition), _union(self.kinks, o.kinks))
+        return MovingCondition(of(self.condition, o.condition), _union(self.kinks, o.kinks))
 
     return connect
 
@@ -97,7 +97,7 @@ class Moving:
         return Moving(abs(self.value), self.moves, (*self.kinks, *new_kinks))
 
 
-class Choice:
+class MovingCondition:
     """A condition, and where it changes; kinks of the numbers compared do not matter elsewhere."""
 
     __slots__ = ("condition", "kinks")
@@ -116,8 +116,8 @@ def moving(x: Any) -> Moving:
     return x if isinstance(x, Moving) else Moving(x)
 
 
-def _choice(x: Any) -> Choice:
-    return x if isinstance(x, Choice) else Choice(x, ())
+def _choice(x: Any) -> MovingCondition:
+    return x if isinstance(x, MovingCondition) else MovingCondition(x, ())
 
 
 def kinks_in(results: Any) -> Kinks:
@@ -127,10 +127,10 @@ def kinks_in(results: Any) -> Kinks:
 
 def where(condition: Any, a: Any, b: Any) -> Any:
     choice = _choice(condition)
-    if isinstance(a, Choice | bool) and isinstance(b, Choice | bool):
+    if isinstance(a, MovingCondition | bool) and isinstance(b, MovingCondition | bool):
         one, other = _choice(a), _choice(b)
         chosen = algebra.where(choice.condition, one.condition, other.condition)
-        return Choice(chosen, _union(choice.kinks, one.kinks, other.kinks))
+        return MovingCondition(chosen, _union(choice.kinks, one.kinks, other.kinks))
     a, b = moving(a), moving(b)
     everywhere = {id(k) for k in (*choice.kinks, *a.kinks)} & {id(k) for k in (*choice.kinks, *b.kinks)}
     branches = [
@@ -157,8 +157,8 @@ def _sincos(x: Moving) -> tuple[Moving, Moving]:
 register_numbers(
     Primitives(
         _smooth(algebra.sqrt), _smooth(algebra.exp), _smooth(algebra.log), _floor, _sincos, where,
-        lambda x: Choice(algebra.logical_not(x.condition), x.kinks),
+        lambda x: MovingCondition(algebra.logical_not(x.condition), x.kinks),
         expm1=_smooth(algebra.expm1),
     ),
-    Moving, Choice, wrap=True,
+    Moving, MovingCondition, wrap=True,
 )  # fmt: skip

@@ -27,7 +27,7 @@ EQUAL = 1e-9
 """Numbers of size 1 that differ by less than this in all these poses are the same in every pose."""
 
 
-class Line(NamedTuple):
+class Rod(NamedTuple):
     """Two mass points at a constant distance, counted from 1; 0 is the base."""
 
     near: int
@@ -79,14 +79,14 @@ def _in_poses(points: Points) -> tuple[Array, Array]:
     return where, np.stack([stacked(points.column(known, j)) for j in range(points.joints)], axis=-1)
 
 
-def _lines(where: Array, slopes: Array) -> Iterator[Line]:
+def _lines(where: Array, slopes: Array) -> Iterator[Rod]:
     for a, b in itertools.combinations(range(len(where)), 2):
         (x, y), (dx, dy) = where[b] - where[a], slopes[b] - slopes[a]
         square = (x * x + y * y)[:, None]
         stretch = (x[:, None] * dx + y[:, None] * dy) / square
         turn = (x[:, None] * dy - y[:, None] * dx) / square
         if _is_zero(stretch) and _is_zero(turn - turn[0]):
-            yield Line(a, b, np.where(np.abs(turn[0]) < EQUAL, 0.0, turn[0]))
+            yield Rod(a, b, np.where(np.abs(turn[0]) < EQUAL, 0.0, turn[0]))
 
 
 def _is_zero(x: Array) -> bool:
@@ -97,7 +97,7 @@ Bound = Callable[[Sequence[Any], Sequence[Any]], Any]
 """A bound from the masses and the distances of all lines."""
 
 
-def _between(lines: Sequence[Line], row: Array) -> Iterator[Bound]:
+def _between(lines: Sequence[Rod], row: Array) -> Iterator[Bound]:
     """Bounds of a revolute joint's mobility, from lines that turn with its rate, alone or relative to
     another."""
     alone = [(k,) for k, line in enumerate(lines) if _is_zero(np.abs(line.rate) - np.abs(row))]
@@ -141,7 +141,7 @@ def _along(slopes: Array, j: int, row: Array) -> Iterator[Bound]:
         yield bound
 
 
-def _distances(points: Points, known: dict[str, Any], lines: Sequence[Line]) -> list[Any]:
+def _distances(points: Points, known: dict[str, Any], lines: Sequence[Rod]) -> list[Any]:
     """Lengths of lines, from the difference of columns of Jacobians, where nothing cancels."""
     pose = dict.fromkeys(points.pose, 0.0) | {c: 1.0 for _, c in points.turning.values()}
     columns = [points.column({**known, **pose}, j) for j in range(points.joints)]

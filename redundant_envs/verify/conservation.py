@@ -23,7 +23,7 @@ simulated whole and in parts: steps across a kink, such as that of a stiff sprin
 PARTS, EQUAL_STEPS = 3, 32
 
 
-class Crossing(NamedTuple):
+class IntervalEnds(NamedTuple):
     """The ends of control intervals."""
 
     q: Array
@@ -37,28 +37,28 @@ class Crossing(NamedTuple):
         return self.numerics == 0
 
 
-def crossed(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> Crossing:
+def crossed(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> IntervalEnds:
     """A control interval by dop853, whole or in parts."""
     exact = dataclasses.replace(scene, integrator="dop853", substeps=1, tolerance=None)
     return moved(exact, q, qd, efforts, parts)
 
 
-def moved(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> Crossing:
+def moved(scene: Scene, q: Array, qd: Array, efforts: Array, parts: int = 1) -> IntervalEnds:
     """A control interval under constant efforts, in equal parts."""
     batch = BatchSimulator(scene, len(q), track_work=True)
     batch.set_state(q, qd)
     numerics = np.zeros(len(q), np.int8)
     for _ in range(parts):
         numerics |= batch.advance_partly(efforts, scene.control_dt / parts).numerics
-    return Crossing(batch.q, batch.qd, batch.work, batch.z, numerics)
+    return IntervalEnds(batch.q, batch.qd, batch.work, batch.z, numerics)
 
 
-def own_interval(trial: Sample) -> Crossing:
+def own_interval(trial: Sample) -> IntervalEnds:
     """The interval by the scene's own steps."""
     return moved(trial.scene, *trial.states)
 
 
-def exact_in_parts(trial: Sample) -> Crossing:
+def exact_in_parts(trial: Sample) -> IntervalEnds:
     """The same with other steps: equal ones if updates at the end or an instant forbid a division."""
     updated = any(state.update is not None for state in trial.scene.states().values())
     if not updated and not trial.scene.attached.instants:
@@ -68,7 +68,7 @@ def exact_in_parts(trial: Sample) -> Crossing:
     return moved(fine, *trial.states)
 
 
-def energy_changes(scene: Scene, q: Array, qd: Array, end: Crossing) -> tuple[Array, Array, Array]:
+def energy_changes(scene: Scene, q: Array, qd: Array, end: IntervalEnds) -> tuple[Array, Array, Array]:
     """Change of kinetic + potential - work, exchanged energies, stored energies; (n,) each, J."""
     kinetic = kinetic_energy(scene, q, qd), kinetic_energy(scene, end.q, end.qd, end.z)
     potential = potential_energy(scene, q), potential_energy(scene, end.q, end.z)

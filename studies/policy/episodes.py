@@ -11,7 +11,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.model.batch import Numerics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.timing import by_turns, timed
-from redundant_envs_train.rollout import Act, Outcome, info_names, run_episodes
+from redundant_envs_train.rollout import Act, EpisodeEnds, info_names, run_episodes
 from redundant_envs_train.statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ NO_AUTORESET = 0
 
 
 class Evaluation(NamedTuple):
-    """Episodes of a policy under one physics; arrays have one entry per episode, as in Outcome."""
+    """Episodes of a policy under one physics; arrays have one entry per episode, as in EpisodeEnds."""
 
     scene: Scene  # what was simulated
     start: Array  # coordinates, (n, 4)
@@ -62,7 +62,7 @@ def evaluate_under(
 
 
 def _replay(
-    env_id: str, actions: list[NDArray[np.float32]], outcome: Outcome, seed: int, repeats: int,
+    env_id: str, actions: list[NDArray[np.float32]], outcome: EpisodeEnds, seed: int, repeats: int,
     kwargs: Mapping[str, Any],
 ) -> tuple[Core, dict[str, int], float]:  # fmt: skip
     """The same steps without policy and autoreset: numerics flags, seconds (best of ``repeats`` of each)."""
@@ -85,7 +85,7 @@ def _replay(
     return core, {name: n for name, n in counts.items() if n}, float(best.sum())
 
 
-def held(outcome: Outcome) -> NDArray[np.bool_]:
+def held(outcome: EpisodeEnds) -> NDArray[np.bool_]:
     """Episodes that went on to their end and held the goal there."""
     assert outcome.hold is not None
     return outcome.hold & ~outcome.ended

@@ -28,7 +28,7 @@ from redundant_envs_train.evidence import curves
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import summary
-from redundant_envs_train.rollout import Outcome
+from redundant_envs_train.rollout import EpisodeEnds
 from redundant_envs_train.run_folder import read_evaluation
 from redundant_envs_train.training import many
 from redundant_envs_train.training.pool import seeds_of, stop_request
@@ -60,7 +60,7 @@ def test_a_run_explains_itself(home, refused):
 def test_a_verdict_is_about_all_measures_and_what_differs_beyond_chance():
     def ends(hold, shift):
         ones = np.ones(100)
-        return Outcome(
+        return EpisodeEnds(
             hold, hold, 0.01 + shift * ones, 80.0 + shift * np.arange(100), ~hold, np.where(hold, 0, 4), ones,
             ones, np.where(hold, 0.5 + shift, np.nan), 0.2 * ones, 0.1 - shift * ones,
         )  # fmt: skip

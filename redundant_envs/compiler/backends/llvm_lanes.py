@@ -144,7 +144,7 @@ class Emitter:
         if self.stages and node.name in ("stage", "result"):
             return (self.stages.emit if node.name == "stage" else self.stages.result)(self, node)
         if node.name == "philox":
-            counter, interval, *key = (Whole(self, self._word(x)) for x in node.arguments)
+            counter, interval, *key = (WholeNumbers(self, self._word(x)) for x in node.arguments)
             return [w.value for w in philox(key[:2], [counter, interval, *key[2:]])]
         if node.name == "word":
             return self._float(self.value(node.arguments[0])[node.extra])
@@ -203,17 +203,17 @@ class Emitter:
         return builder.bitcast(chosen, v.numbers)
 
 
-def _operator(instruction: str) -> Callable[[Whole, Any], Whole]:
-    def method(self: Whole, other: Any) -> Whole:
+def _operator(instruction: str) -> Callable[[WholeNumbers, Any], WholeNumbers]:
+    def method(self: WholeNumbers, other: Any) -> WholeNumbers:
         vectors, builder = self.emitter.vectors, self.emitter.builder
-        second = other.value if isinstance(other, Whole) else vectors.same(vectors.whole, other)
-        return Whole(self.emitter, getattr(builder, instruction)(self.value, second))
+        second = other.value if isinstance(other, WholeNumbers) else vectors.same(vectors.whole, other)
+        return WholeNumbers(self.emitter, getattr(builder, instruction)(self.value, second))
 
     return method
 
 
 @dataclass(eq=False)
-class Whole:
+class WholeNumbers:
     """Vectors of whole numbers with operators, as the text of a generator needs them."""
 
     emitter: Emitter

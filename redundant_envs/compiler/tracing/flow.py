@@ -93,7 +93,7 @@ class Scalar:
         raise TypeError("a scalar of a kernel is not known yet: write with p.when(condition)")
 
 
-class Variable:
+class Counter:
     """A whole number that changes."""
 
     def __init__(self, kernel: Kernel, initial: Any) -> None:
@@ -138,8 +138,8 @@ class Kernel:
 
     # ---- scalars ---------------------------------------------------------------------------------
 
-    def variable(self, initial: Any) -> Variable:
-        return Variable(self, initial)
+    def variable(self, initial: Any) -> Counter:
+        return Counter(self, initial)
 
     def load(self, array: Scalar, index: Any = 0) -> Scalar:
         return self.record("load", array, index, kind=ELEMENTS[array.kind], extra=array.kind)

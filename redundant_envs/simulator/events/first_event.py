@@ -42,7 +42,7 @@ class Encounter(NamedTuple):
         return self.motion.active_stop * self.force
 
 
-class Event(NamedTuple):
+class FirstEvent(NamedTuple):
     """The first event of a coordinate in a trial step."""
 
     time: Any  # from the start of the step, s; later than its end if there is no event
@@ -119,7 +119,7 @@ def chord(e: Encounter, h: Any, side: Any, gap: Any) -> tuple[Any, Any]:
 
 
 @branches
-def first_event(e: Encounter, h: Any, per_h: Any, smooth: bool) -> Event:
+def first_event(e: Encounter, h: Any, per_h: Any, smooth: bool) -> FirstEvent:
     """The first event of a coordinate in a trial step of length ``h``, with 1 / ``h``; with Euler's method,
     which is not ``smooth``, the end of a step is quadratic in its length."""
     s = e.motion
@@ -145,15 +145,15 @@ def first_event(e: Encounter, h: Any, per_h: Any, smooth: bool) -> Event:
         time = crossing_time(s, h, side, gap, guess, e.turning_time * per_h) if smooth else h * guess
     if turns or side == 0.0:
         side = direction(e.crossing)
-    return Event(time, side, turns)
+    return FirstEvent(time, side, turns)
 
 
 @branches
-def first_passage(e: Encounter, h: Any, node: float) -> Event:
+def first_passage(e: Encounter, h: Any, node: float) -> FirstEvent:
     """The first event of a guard: where the parabola through its values at both ends of the step, and at a
     ``node`` between them, is 0; or where the chord is, if the parabola has no such zero."""
     if not e.pull > 0.0:
-        return Event(h + 1.0, 0.0, False)
+        return FirstEvent(h + 1.0, 0.0, False)
     start = minimum(e.start_force, 0.0)
     guess = start / (start - e.pull)
     if node > 0.0:
@@ -162,11 +162,11 @@ def first_passage(e: Encounter, h: Any, node: float) -> Event:
         slope = slope - node * bend
         share = -2.0 * start / (slope + sqrt(maximum(slope * slope - 4.0 * bend * start, 0.0)))
         guess = inside(share, 0.0, 1.0, guess)
-    return Event(h * guess, 0.0, False)
+    return FirstEvent(h * guess, 0.0, False)
 
 
 @branches
-def arrival_nearby(s: BoundedCoordinate, h: Any) -> tuple[Any, Event]:
+def arrival_nearby(s: BoundedCoordinate, h: Any) -> tuple[Any, FirstEvent]:
     """Whether a coordinate certainly reaches a stop near which it starts, and its impact there, whatever the
     end of the step of ``h``: which of two arrives first follows from their start. One that turns before it is
     beyond the stop by more than rounding does not arrive."""
@@ -176,4 +176,4 @@ def arrival_nearby(s: BoundedCoordinate, h: Any) -> tuple[Any, Event]:
     before = (way > 0.0) & (way <= maximum(s.closeness, STRAIGHT_SHARE * h * speed))
     goes_beyond = speed * speed + 2.0 * acceleration * (way + s.closeness) > 0.0
     certain = s.free & before & goes_beyond & (speed > 0.0) & (time <= 0.5 * h)
-    return certain, Event(time, side, False)
+    return certain, FirstEvent(time, side, False)

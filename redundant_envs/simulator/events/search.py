@@ -15,7 +15,7 @@ from redundant_envs.language.algebra import any_of, logical_not, maximum, minimu
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, direction, inside
 from redundant_envs.simulator.events.crossings import Crossing, Overshoot, may_pass, most_pull, passes_within
-from redundant_envs.simulator.events.first_event import LAST_SHARE, STRAIGHT_SHARE, Encounter, Event
+from redundant_envs.simulator.events.first_event import LAST_SHARE, STRAIGHT_SHARE, Encounter, FirstEvent
 
 MAX_BEND = 2e-3
 """Largest change of the square of a speed in the last piece to a stop, as a fraction of it."""
@@ -57,11 +57,11 @@ class Trial(NamedTuple):
     interval: Any  # the control interval that it belongs to, s
     impacts: Any  # so far, since the start of the common step
     encounters: list[Encounter]  # coordinates at their boundaries in it
-    events: list[Event]  # the first of each
+    events: list[FirstEvent]  # the first of each
     weighed: bool = False  # whether it is known by how much the laws of guards differ at its end
     node: float | None = None  # of the middle stage, as a fraction of the step, if joints have dry friction
 
-    def of(self, chosen: Sequence[Any]) -> tuple[Encounter, Event]:
+    def of(self, chosen: Sequence[Any]) -> tuple[Encounter, FirstEvent]:
         """The encounter and the event of a coordinate."""
         return select_flagged(chosen, self.encounters), select_flagged(chosen, self.events)
 
@@ -161,7 +161,7 @@ def earliest_event(trial: Trial) -> Aim:
 
 
 @branches
-def came_before(trial: Trial, low: Any, e: Encounter, event: Event, sought: Sought) -> Any:
+def came_before(trial: Trial, low: Any, e: Encounter, event: FirstEvent, sought: Sought) -> Any:
     """Whether an event came before the end of a trial step, and after ``low``, s.
 
     A guard of laws has to come before another one that is sought, by more than it may be found late: those

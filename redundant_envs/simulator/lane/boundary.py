@@ -18,7 +18,7 @@ from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.derived import joint_rates
 from redundant_envs.simulator.events import boundary
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, law_behind, limits_of_law, size_of
-from redundant_envs.simulator.events.first_event import Encounter, Event, first_event, first_passage
+from redundant_envs.simulator.events.first_event import Encounter, FirstEvent, first_event, first_passage
 from redundant_envs.simulator.lane.dynamics import Dynamics, quantities_of_arm
 from redundant_envs.simulator.lane.fields import Own, Variable, copies
 from redundant_envs.simulator.lane.memory import Lane
@@ -65,7 +65,7 @@ class Boundary(abc.ABC):
         """How it is met in a trial step; ``number`` is its own."""
 
     @abc.abstractmethod
-    def first_event(self, e: Encounter, h: Any) -> Event:
+    def first_event(self, e: Encounter, h: Any) -> FirstEvent:
         """The first event in a trial step of length ``h``."""
 
     def settled(self, lane: Lane, e: Encounter) -> Encounter:
@@ -130,7 +130,7 @@ class Bounded(Boundary):
         motion = self.in_step(lane, "{}_trial")
         return Encounter(number, motion, now, before, crossing, turning, cleared, mobility)
 
-    def first_event(self, e: Encounter, h: Any) -> Event:
+    def first_event(self, e: Encounter, h: Any) -> FirstEvent:
         return first_event(e, h, 1.0 / h, self.dynamics.method.stages > 1)
 
 
@@ -262,7 +262,7 @@ class Guard(Boundary):
         still, steepness = (0.0, lane.step, False, 0.0), 0.0  # it is not known
         return Encounter(number, self.in_step(lane), now, before, *still, self.late_share(lane), steepness)
 
-    def first_event(self, e: Encounter, h: Any) -> Event:
+    def first_event(self, e: Encounter, h: Any) -> FirstEvent:
         return first_passage(e, h, self.dynamics.method.c[self.dynamics.method.middle])
 
     def late_share(self, lane: Lane) -> Any:

@@ -22,7 +22,7 @@ from redundant_envs.simulator.lane import fields, sensing
 from redundant_envs.simulator.lane.closed_forms import Closing, varying_arguments
 from redundant_envs.simulator.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Lifetime, Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
-from redundant_envs.simulator.lane.parameters import Parameters
+from redundant_envs.simulator.lane.parameters import SceneParameters
 
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
 INTERVALS = "draw_interval"
@@ -45,7 +45,7 @@ class Dynamics:
         self.count = len(arm.coordinates)
         """Joints of the arm."""
         self.method: Tableau = METHODS[scene.integrator]
-        self.parameters = Parameters(scene)
+        self.parameters = SceneParameters(scene)
         self.controlled = scene.controlled
         """Whether error control chooses the steps."""
         self.locates_laws = self.controlled and located

@@ -77,7 +77,7 @@ class Layout:
         return len(self.rows[lifetime])
 
 
-class Declared:
+class FieldDeclaration:
     """A field, as a class declares it; for the arguments see :class:`Variable`."""
 
     def __init__(
@@ -89,7 +89,7 @@ class Declared:
         self.name = name
 
 
-class Own(Declared):
+class Own(FieldDeclaration):
     """A field that each object of a class has, and that ends with its name: with ``force = Own("N", "...")``
     in the class, ``lane[stop.force]`` is the force of one stop."""
 
@@ -110,7 +110,7 @@ def copies(names: Iterable[str], form: str, doc: str) -> Iterator[Variable]:
         yield Variable(form.format(name), "", f"{name} {doc}", SCRATCH, book=name == "work")
 
 
-class EngineField(Declared):
+class EngineField(FieldDeclaration):
     """A field that a lane has once: a descriptor of :class:`~redundant_envs.simulator.lane.memory.Lane`."""
 
     def __get__(self, lane: Any, kind: type) -> Any:

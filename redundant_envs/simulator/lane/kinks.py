@@ -15,7 +15,7 @@ from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.arm import Arm
 
 
-class Watch(NamedTuple):
+class WatchedKink(NamedTuple):
     """A function of an effect with kinks."""
 
     function: Bound
@@ -36,7 +36,7 @@ class Watch(NamedTuple):
         return self.function.on(Moving(*pair) for pair in zip(values, self.moving, strict=True))
 
 
-Watches = dict[Attached[Any], list[Watch]]
+Watches = dict[Attached[Any], list[WatchedKink]]
 """Functions with kinks, by their hooks."""
 
 
@@ -65,13 +65,13 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
                 known[name] = not roots_of(name, arm).isdisjoint((*arm.coordinates, *arm.rates))
         return tuple(leaves.get(n, False) if n == command else known[n] for n in function.names)
 
-    candidates: list[tuple[Attached[Any], Watch, list[Key]]] = []
+    candidates: list[tuple[Attached[Any], WatchedKink, list[Key]]] = []
     seen: set[Key] = {None}
     for a in attached.along(x):
         command = attached.commands[a.hook.joint] if isinstance(a.hook, Actuation) else ""
         stands_for: set[Key] = set()
         if "kink" in a.functions and any(moves(a.functions["kink"], command)):
-            watch = Watch(a.functions["kink"])
+            watch = WatchedKink(a.functions["kink"])
             values = watch.values(x)
             candidates.append((a, watch._replace(levels=(False,) * len(values)), []))
             for value in values:
@@ -81,7 +81,7 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
         # Functions that determine the motion within an interval.
         rates = [f["derivative"] for f in a.states.values() if "derivative" in f]
         for function in (a.functions["function"], *rates):
-            watch = Watch(function, moves(function, command))
+            watch = WatchedKink(function, moves(function, command))
             result = watch.run(x)
             if function is a.functions["function"]:
                 leaves[command] = moving(result).moves

@@ -20,7 +20,7 @@ NO_QUANTITIES = re.compile("tip_tolerance|least_step_rate|most_mobility|instant_
 
 
 @dataclass(frozen=True)
-class Parameters:
+class SceneParameters:
     """The numbers of a scene, and the quantities that follow from them alone."""
 
     scene: Scene

@@ -13,7 +13,7 @@ from redundant_envs.simulator.lane.faults import Control, Fault, Reason
 from redundant_envs.simulator.lane.fields import Variable, copies, engine
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.numerics import error_control
-from redundant_envs.simulator.numerics.error_control import Crossed, Verdict
+from redundant_envs.simulator.numerics.error_control import Crossed, Judgement
 
 MAX_TRIALS = 65536
 """Most trial steps of an interval that is crossed with 1, 2, 4, ... 16384 steps: twice as many as without
@@ -138,7 +138,7 @@ class AdaptiveSteps(StepControl):
         lane.next_step, lane.steps_left, lane.left = first, 0.0, first
         return True
 
-    def _verdict(self, lane: Lane) -> Verdict:
+    def _verdict(self, lane: Lane) -> Judgement:
         planned = lane.error, lane.step, lane.next_step, lane.min_steps
         return error_control.judge_adaptive(*planned, self.pieces.span(lane), lane.steps_left - 1.0)
 

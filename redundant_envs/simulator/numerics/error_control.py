@@ -178,7 +178,7 @@ def first_adaptive(next_step: Any, min_steps: Any, interval: Any) -> Any:
     return next_step if next_step > 0.0 and next_step <= longest else longest
 
 
-class Verdict(NamedTuple):
+class Judgement(NamedTuple):
     """What the error of an adaptive step says."""
 
     accepted: Any  # whether the step counts
@@ -187,7 +187,9 @@ class Verdict(NamedTuple):
 
 
 @branches
-def judge_adaptive(error: Any, h: Any, next_step: Any, min_steps: Any, interval: Any, taken: Any) -> Verdict:
+def judge_adaptive(
+    error: Any, h: Any, next_step: Any, min_steps: Any, interval: Any, taken: Any
+) -> Judgement:
     """Whether the error of a step, in units of the tolerance, is at most 1; the next step to try, of which
     there is none after a million steps ``taken``, or if it were 1e-13 of the interval. The end of the
     interval may have cut the planned ``next_step`` short, to ``h``."""
@@ -200,8 +202,8 @@ def judge_adaptive(error: Any, h: Any, next_step: Any, min_steps: Any, interval:
     shorter = h * minimum(factor, 0.9)
     hopeless = (taken > MAX_ADAPTIVE_STEPS) | ((shorter < SHORTEST_SHARE * interval) & logical_not(passed))
     if hopeless:
-        return Verdict(True, shorter, 0.0)
-    return Verdict(passed, shorter, grown if passed else shorter)
+        return Judgement(True, shorter, 0.0)
+    return Judgement(passed, shorter, grown if passed else shorter)
 
 
 @branches
