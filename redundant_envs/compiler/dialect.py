@@ -1,7 +1,5 @@
 """Check that a function belongs to the physics dialect, by running it on traced numbers."""
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import functools

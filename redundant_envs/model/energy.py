@@ -1,7 +1,5 @@
 """Energies of a scene from its states, effects included."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any

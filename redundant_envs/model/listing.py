@@ -1,7 +1,5 @@
 """The program of a scene's simulator as text, and a count of its operations."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 from collections import Counter

@@ -1,8 +1,6 @@
 """Physical parameters of lanes: names, shapes and validity, for batches and environments alike; snapshots,
 in which values that belong to a scene must be equal, and a difference is named."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Is a scene's step fine enough, is its tolerance kept, and does its method have the declared order?"""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Are bits independent of the batch, the index in it, neighbours, threads, copies and snapshots?"""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import pickle

@@ -1,7 +1,5 @@
 """Is the energy balance closed along motions?"""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import NamedTuple
 

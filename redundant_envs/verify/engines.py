@@ -4,8 +4,6 @@ Its model is made from the displacements of the point masses when a joint moves,
 position of each joint, whether it turns or slides, and the masses that it carries.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Do environments keep the rules of vectors, their ranges, and the bits of single environments?"""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterator
 from itertools import chain, repeat

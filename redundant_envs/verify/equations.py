@@ -5,8 +5,6 @@ are compared in units in which the mass matrix has ones on its diagonal: neither
 light link at the end of a heavy arm hides a mistake. Sums over ten joints lose some 1e-14 in these units.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Do the evaluators of a scene agree: compiled code, NumPy, single numbers, torch?"""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple

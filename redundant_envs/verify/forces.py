@@ -1,7 +1,5 @@
 """Do forces agree with the declarations of their effects: with potentials, and laws where they meet?"""
 
-from __future__ import annotations
-
 from typing import Any, cast
 
 import numpy as np

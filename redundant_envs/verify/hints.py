@@ -5,8 +5,6 @@ Declared stiffness, damping and rates of states say how short steps must be befo
 Fixed steps evaluate the closed form of a state where error control integrates its derivative.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

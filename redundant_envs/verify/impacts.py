@@ -1,7 +1,5 @@
 """Are impacts at hard stops those of rigid bodies? Each is compared with an impulse from the mass matrix."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from redundant_envs.effects.hooks import Impact, Impulse

@@ -1,7 +1,5 @@
 """Do the further quantities of an arm follow from its point masses, and from its joints?"""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Promises, findings and verdicts of checks."""
 
-from __future__ import annotations
-
 import enum
 import math
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Scenes and environments of which every bit is recorded: it must be the same on every machine."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

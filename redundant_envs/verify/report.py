@@ -1,7 +1,5 @@
 """All checks of some subjects, and their table as text and JSON; the command."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

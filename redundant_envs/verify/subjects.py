@@ -1,7 +1,5 @@
 """Subjects named on the command line: arms, scenes, effects, tasks and environments, each as a scene."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import cycle, islice

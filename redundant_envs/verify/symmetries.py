@@ -1,7 +1,5 @@
 """Is momentum kept, is a motion reversible, and does it scale as mechanics requires?"""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Cache of machine code, and of facts about programs: in this process, and in a folder of the user."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import functools

@@ -1,7 +1,5 @@
 """Programs as machine code, through llvmlite."""
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import json

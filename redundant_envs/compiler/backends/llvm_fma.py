@@ -1,7 +1,5 @@
 """Products and sums with one rounding, for processors that have no instruction for it."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

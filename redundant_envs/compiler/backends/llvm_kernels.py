@@ -1,7 +1,5 @@
 """Kernels, and the functions that they call, as a module of LLVM: for compiling, not for loading."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Everything of this package that a program follows from: the files and the loaded code of its modules."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools

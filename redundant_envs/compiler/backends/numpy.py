@@ -1,7 +1,5 @@
 """Numbers as NumPy arrays, elementwise over any shape."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

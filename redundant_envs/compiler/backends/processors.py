@@ -1,7 +1,5 @@
 """Targets of machine code."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import llvmlite.binding as llvm

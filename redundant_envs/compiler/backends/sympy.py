@@ -1,7 +1,5 @@
 """Numbers as sympy expressions (needs sympy)."""
 
-from __future__ import annotations
-
 from redundant_envs.language.algebra import Primitives, register_numbers
 from redundant_envs.support.extras import needs
 

@@ -1,7 +1,5 @@
 """Numbers as torch tensors of float64, with gradients (needs torch)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

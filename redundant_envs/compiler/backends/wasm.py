@@ -6,8 +6,6 @@ address at which the stack ends. Its sections are those of the module, but for t
 become exports.
 """
 
-from __future__ import annotations
-
 import hashlib
 
 from redundant_envs.compiler.backends import llvm

@@ -1,7 +1,5 @@
 """A program as text: for readers, and to tell it from other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from redundant_envs.compiler.tracing.flow import LaneFunction, Program, Scalar

@@ -5,8 +5,6 @@ runs. On traced numbers the stretch from one request to the next is run once for
 can go; what the ways write into fields of the lane is merged. Fields are all that survives a request.
 """
 
-from __future__ import annotations
-
 import enum
 import functools
 import itertools

@@ -1,7 +1,5 @@
 """The program of a batch: advance all lanes by a control interval under given efforts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from redundant_envs.compiler.tracing.flow import Kernel

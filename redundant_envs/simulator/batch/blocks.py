@@ -1,7 +1,5 @@
 """Blocks of lanes in a kernel: the addresses of their memories, and the loop that advances all of them."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The programs of an environment: step, reset and observe all lanes, and the reward of goals."""
 
-from __future__ import annotations
-
 import enum
 import math
 from typing import Any

@@ -1,8 +1,6 @@
 """Kernels for hosts that have no NumPy, beside that of an environment: what follows from parameters, and the
 arm as drawings and controllers need it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Local time stepping in a kernel, and the part of the log of events that kernels do."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple

@@ -5,8 +5,6 @@ a value that must keep its sign as long as a law holds, as a stop must not have 
 events, sides are 1 at the upper limit, -1 at the lower one, 0 at none.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

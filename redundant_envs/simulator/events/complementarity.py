@@ -5,8 +5,6 @@ by a unit impulse along coordinate j, so each problem has one solution. One or t
 formulas; for more, the set of stops that act is searched.
 """
 
-from __future__ import annotations
-
 import itertools
 import operator
 from collections.abc import Sequence

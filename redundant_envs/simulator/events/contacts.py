@@ -1,8 +1,6 @@
 """Coordinates at their stops, from accelerations, forces of stops and mobilities: which are struck, which
 come to rest, and which are released. Time does not advance."""
 
-from __future__ import annotations
-
 import enum
 import itertools
 import math

@@ -1,8 +1,6 @@
 """Whether a trial step meets a boundary, and how: bounds from the accelerations at its stages, which
 docs/design.md explains ("An impact is found between the stages of a step")."""
 
-from __future__ import annotations
-
 import enum
 from typing import Any, NamedTuple
 

@@ -1,8 +1,6 @@
 """Time of the first event of a coordinate in a trial step, an estimate from which a search begins: of an
 impact at a stop, a release from it, a limit that is passed, or a turn that may lie beyond one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import reduce
 from typing import Any, NamedTuple

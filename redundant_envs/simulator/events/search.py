@@ -5,8 +5,6 @@ nearer to it: this keeps the method's own order, and nothing is interpolated. Th
 most 1e-5 of the planned step, takes no trial step: the accelerations at its start are known.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """All boundaries of a lane together: how a step meets them, and how contacts with stops are resolved."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

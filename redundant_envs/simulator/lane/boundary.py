@@ -4,8 +4,6 @@ A boundary bounds a coordinate, or it is a guard, a value that keeps its sign as
 kinds are in :mod:`stops` and :mod:`stiction`.
 """
 
-from __future__ import annotations
-
 import abc
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -6,8 +6,6 @@ then, and quantities of the stage, which the form takes as constant. A quantity 
 its value at some time between the start and the stage; :func:`share` says at which.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A step of a lane and its error; the step that all lanes take together, and why a lane leaves it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import reduce
 from typing import Any

@@ -1,7 +1,5 @@
 """The dynamics of a scene: functions of its arm and its effects, connected by the names of quantities."""
 
-from __future__ import annotations
-
 import functools
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Episodes of a task: efforts from actions, reward and faults after an interval, observation, new starts."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import math

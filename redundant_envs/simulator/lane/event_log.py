@@ -1,7 +1,5 @@
 """The log of a lane's events: impacts at stops, rests and releases, with their times."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Faults of lanes, why they leave the common step, how their steps are chosen, and bounds of angles."""
 
-from __future__ import annotations
-
 import enum
 from functools import reduce
 from typing import Any

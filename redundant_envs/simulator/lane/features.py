@@ -1,8 +1,6 @@
 """What a scene has that its lanes take care of: boundaries, joints that stick, a log, doubts about errors.
 What it may lack is an object with a neutral default, such as :class:`NoStiction`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any

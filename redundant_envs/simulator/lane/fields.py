@@ -5,8 +5,6 @@ A field that every lane has once is an :class:`EngineField` of :class:`EngineFie
 ``lane[stop.force]``. Names that follow from an arm, an effect or a task are plain text.
 """
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """A control interval of a lane: the step that all lanes take together, and the program of the others."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Velocities that jump between intervals: by impulses, and where the arm gains or loses a mass."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Kinks of a right-hand side that are watched, not located: effects declare them, or they are found."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Lanes with declared fields, on any kind of numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """The numbers of a scene as fields of its lanes, and what follows from them alone."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ All lanes take them together, each with its own length; where instants of a lane
 happen, its last pieces have length 0. A scene without instants has :class:`Whole` intervals.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -5,8 +5,6 @@ for the accelerations and forces at the stops. All slots are served together; ea
 waits. A trial step never changes the trial start, so that shorter ones can follow from there.
 """
 
-from __future__ import annotations
-
 import enum
 import math
 from collections.abc import Callable, Generator, Iterator

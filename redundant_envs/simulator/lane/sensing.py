@@ -1,7 +1,5 @@
 """Readings of sensors: what observations know of the motion, and the states of the sensors."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable
 from functools import reduce

@@ -1,7 +1,5 @@
 """Which trial steps a lane plans, and when its interval is crossed: a class for each :class:`Control`."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Joints that stick and slip: with dry friction, and where they rest at the stop of a revolute joint."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Step control: error estimates, which steps a lane takes, and whether they are accurate enough."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """One step of an explicit method: stages, sums and the error estimate, on any kind of numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import reduce

@@ -5,8 +5,6 @@ waits for chains of divisions and sums although other instructions farther on co
 order moves these nearer.
 """
 
-from __future__ import annotations
-
 import heapq
 
 from redundant_envs.compiler.tracing.graph import FREE, Operation, Value, reached

@@ -1,8 +1,6 @@
 """Fewer operations: products join the sums they go into, with one rounding and one instruction on every
 machine, and known numbers decide what is chosen."""
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 from collections.abc import Container, Mapping

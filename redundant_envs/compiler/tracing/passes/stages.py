@@ -7,8 +7,6 @@ positions alone; those are known before the accelerations of the stage before ar
 later part of its stage together with the earlier part of the next one.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
