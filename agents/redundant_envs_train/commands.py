@@ -247,8 +247,8 @@ def report(folder: PolicyFolder, out: Out = None, force: Overwrite = False, trus
 def table(runs: Runs, out: Table = None, force: Force = False) -> None:
     """Print evaluated runs as a Markdown table, seeds of equal settings in one row.
 
-    With --out all runs are collected in one file, which `table`, `curves` and `study strength` read as they
-    read the run folders.
+    With --out all runs are collected in one file, which `table`, `curves` and the study of strength read
+    as they read the run folders.
     """
     if out is not None:
         if out.suffix != TABLE:

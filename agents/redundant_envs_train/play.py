@@ -17,7 +17,7 @@ from redundant_envs.support.figures import check_clip, write_clip
 from redundant_envs.support.values import check_between, say, shown
 
 from .config import MAX_EPISODES, Config
-from .rollout import Act, each, expert_act, policy_act, random_act
+from .rollout import Act, expert_act, policy_act, random_act, stacked
 from .run_folder import own_config, tell_differences
 
 ACTIONS: dict[str, Callable[[int], Act]] = {
@@ -83,7 +83,7 @@ def _episode(env: Any, act: Act, seed: int, after_step: Callable[[int], Any]) ->
     obs, info = env.reset(seed=seed)
     core, done, step, returned = env.unwrapped.core, False, 0, 0.0
     while not done:
-        obs, reward, terminated, truncated, info = env.step(act(batched(obs), core, step)[0])
+        obs, reward, terminated, truncated, info = env.step(act(stacked([obs]), core, step)[0])
         returned += float(reward)
         step += 1
         done = bool(after_step(step)) or terminated or truncated
@@ -118,7 +118,3 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
         there = f"{path.name} shows {len(frames)} frames alone, {LARGEST_CLIP >> 20} MiB of memory"
         say(f"{there}; a smaller render_width has room for more", file=sys.stderr)
     write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * env.unwrapped.core.scene.control_dt)), 1))
-
-
-def batched(obs: Any) -> Any:
-    return each(lambda part: part[None], obs)

@@ -1,7 +1,6 @@
 """Intervals, tests, and robust means of a few runs: those of rliable (Agarwal et al. 2021, "Deep
 reinforcement learning at the edge of the statistical precipice")."""
 
-import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -49,14 +48,6 @@ def differs(a: ArrayLike, b: ArrayLike, statistic: Statistic = np.mean) -> bool:
     resampled = bootstrap(pairs, RESAMPLES, SEED, statistic)
     low, high = middle_95(resampled[:, 0] - resampled[:, 1])
     return bool(low > 0.0 or high < 0.0)
-
-
-def permutation_test(a: Array, b: Array) -> float:
-    """Two-sided p of the difference of means of few samples: the share of splits that differ as much."""
-    both = np.concatenate([a, b])
-    sums = both[list(itertools.combinations(range(len(both)), len(a)))].sum(axis=1)
-    differences = np.abs(sums / len(a) - (both.sum() - sums) / len(b))
-    return float(np.mean(differences >= differences[0] * (1.0 - 1e-9)))  # the first split is theirs
 
 
 def interquartile_mean(values: ArrayLike, axis: int = 0) -> Array:

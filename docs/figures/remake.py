@@ -5,6 +5,7 @@ figures are drawn from the tables in docs/results.
 """
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +19,23 @@ from redundant_envs.envs.rendering import stated_limits
 from redundant_envs.robots import drawn
 from redundant_envs.support.disk import write_text
 from redundant_envs.support.figures import bare, new_figure, save_figure
+from redundant_envs.support.tables import markdown
 from redundant_envs_train.evidence.curves import curves
-from redundant_envs_train.evidence.table import brief_table
-from redundant_envs_train.play import batched, play
+from redundant_envs_train.evidence.runs import read_groups
+from redundant_envs_train.evidence.table import results_of
+from redundant_envs_train.play import play
 from redundant_envs_train.policies import load_policy
-from redundant_envs_train.rollout import policy_act
+from redundant_envs_train.rollout import policy_act, stacked
 from redundant_envs_train.run_folder import own_config
 from studies.__main__ import main
 from studies.strength import figure, read_rows
 
+BRIEF = {
+    "environment": "environment", "learner": "learner", "seeds": "seeds",
+    "goals held, median seed": "hold, median", "worst seed": "hold, worst seed",
+    "computed torque": "hold of computed torque", "training on one core": "training, s",
+}  # fmt: skip
+"""Columns of the table of the README, and those of all results that they show."""
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"
 CLIPS = {"rprp_reach": "RPRPReach-v0-sac", "four_r_reach": "FourRReach-v0-sac"}
@@ -65,7 +74,7 @@ def thumbnail(name: str, policy: str, seed: int) -> None:
     unwrapped = env.unwrapped
     obs, _ = env.reset(seed=seed)
     for step in range(MOMENT):
-        obs, *_ = env.step(act(batched(obs), unwrapped.core, step)[0])
+        obs, *_ = env.step(act(stacked([obs]), unwrapped.core, step)[0])
         env.render()
     picture = Image.fromarray(unwrapped._renderer.draw(0, written=False)).resize((SIDE, SIDE), Image.LANCZOS)
     picture.save(FIGURES / f"{name}.png", optimize=True)
@@ -152,6 +161,12 @@ def scene_picture(name: str) -> Any:
     lines = [*turn.lines, path.lines[-1]]
     made.legend(handles=lines, loc="outside upper center", ncols=4, frameon=False, fontsize=9)
     return made
+
+
+def brief_table(places: Iterable[str | Path]) -> str:
+    """Hold success and training time of runs as one small Markdown table, that of the README."""
+    rows = [[row[name] for name in BRIEF.values()] for row in map(results_of, read_groups(places))]
+    return markdown(list(BRIEF), ([*row, f"{seconds} s"] for *row, seconds in rows))
 
 
 def results(readme: Path) -> None:

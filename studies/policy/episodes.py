@@ -1,5 +1,6 @@
 """Episodes of a policy under one physics: outcomes, numerics flags, evaluations, time; and comparisons."""
 
+import itertools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from redundant_envs.model.batch import Numerics
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.timing import by_turns, timed
 from redundant_envs_train.rollout import Act, EpisodeEnds, info_names, run_episodes
-from redundant_envs_train.statistics import bootstrap, middle_95, permutation_test, sign_test, wilson
+from redundant_envs_train.statistics import bootstrap, middle_95, sign_test, wilson
 
 Array = NDArray[np.float64]
 TIMING_REPEATS = 5
@@ -137,6 +138,14 @@ def half_from(differences: Array) -> int:
     """Smallest number of differences that make up half of the sum of their sizes; 0 if all are 0."""
     sizes = np.sort(np.abs(differences))[::-1]
     return int(np.searchsorted(np.cumsum(sizes), 0.5 * sizes.sum()) + 1) if sizes[0] else 0
+
+
+def permutation_test(a: Array, b: Array) -> float:
+    """Two-sided p of the difference of means of few samples: the share of splits that differ as much."""
+    both = np.concatenate([a, b])
+    sums = both[list(itertools.combinations(range(len(both)), len(a)))].sum(axis=1)
+    differences = np.abs(sums / len(a) - (both.sum() - sums) / len(b))
+    return float(np.mean(differences >= differences[0] * (1.0 - 1e-9)))  # the first split is theirs
 
 
 def compare_groups(a: Array, b: Array, resamples: int) -> dict[str, Any]:

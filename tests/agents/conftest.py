@@ -10,10 +10,9 @@ import signal
 from pathlib import Path
 
 import pytest
-from run_folders import write_scene_file
+from run_folders import main, write_scene_file
 from short_trainings import SMALL, kill
 
-from agents.__main__ import main
 from redundant_envs.support import modules
 from redundant_envs.support.disk import write_text
 from redundant_envs_train import report

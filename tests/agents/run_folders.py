@@ -13,8 +13,10 @@ import pytest
 import yaml
 
 from redundant_envs.scenes.scene import load_scene, scene_at
+from redundant_envs_train.__main__ import main as application
 from redundant_envs_train.config import Config
 from redundant_envs_train.run_folder import SELECTION, named_scene, read_config
+from studies.__main__ import main as studies
 
 ROOT = Path(__file__).resolve().parents[2]
 TUNES = importlib.util.find_spec("optuna") is not None
@@ -24,6 +26,11 @@ REFUSALS = yaml.safe_load((Path(__file__).parent / "refusals.yaml").read_text(en
 """What is refused, and the words of the message."""
 RPRP, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
 CURVE = [(1000, 1.0, 0.2, 0.4, 10.0), (2000, 2.0, 0.9, 0.95, 60.0), (3000, 3.5, 0.98, 1.0, 70.0)]
+
+
+def main(words: list[str]) -> int:
+    """Run a command of the application, or one that begins with "study", to its exit status."""
+    return studies(words[1:]) if words[0] == "study" else application(words)
 
 
 @contextlib.contextmanager

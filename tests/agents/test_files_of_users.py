@@ -5,9 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from run_folders import POLICIES, TUNES, kept, readers
+from run_folders import POLICIES, TUNES, kept, main, readers
 
-from agents.__main__ import main
 from redundant_envs import __main__ as library
 from studies import environments, intervals, throughput
 

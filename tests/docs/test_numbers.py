@@ -1,6 +1,7 @@
 """Tables of pages are those that programs wrote or that the code has now."""
 
 import re
+import runpy
 import shlex
 
 import gymnasium as gym
@@ -11,7 +12,7 @@ from published_runs import RESULTS, rows
 
 from redundant_envs.scenes.scene import ACCURACIES
 from redundant_envs_train.evidence.runs import read_runs
-from redundant_envs_train.evidence.table import brief_table, results_table
+from redundant_envs_train.evidence.table import results_table
 from studies import strength as strength_run
 from studies.strength import learner_rows, read_rows
 
@@ -69,6 +70,7 @@ def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
     made = [line for line in table.splitlines() if line.startswith("| ")]
     assert len(made) >= 8
     assert [row for row in made if row not in page(name)] == []
+    brief_table = runpy.run_path(str(ROOT / "docs" / "figures" / "remake.py"))["brief_table"]
     assert brief_table([RESULTS / "runs_200.jsonl"]) in page("learners")
 
 

@@ -32,10 +32,7 @@ EntropyWeight = Annotated[
 
 RATE = (1e-12, 1.0)
 SMOOTHNESS = (0, 1000, "weight of |a(s) - a(s')|^2, at a state and the next, in the actor's loss; 0: none")
-AT_GOAL = (
-    "smoothness of steps whose reward is above the mean, those that reach their goal; by default that of the "
-    "others, if it is given"
-)
+AT_GOAL = "smoothness of steps whose reward is above the mean, those at the goal; by default smoothness"
 NET = "widths of the hidden layers"
 ACTIVATION = "between layers"
 
@@ -63,14 +60,12 @@ class PPOSettings(PlainPPOSettings):
     """PPO with averaged weights, and smooth actions: exploration noise hides in training that a policy
     trembles."""
 
-    schedule: Schedule = value(
-        "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
-    )
+    schedule: Schedule = value("linear", "learning rate, ent_coef: constant, or linear to 0 at total_steps")
     n_epochs: Whole = number(1, 1, 1000, "passes over the samples of an update")
     learning_rate: Real = number(8e-3, *RATE, "Adam's, at the beginning")
     gamma: Real = number(0.97, 0, 1, "discount per control step")
     gae_lambda: Real = number(0.95, 0, 1, "weight of longer returns in the advantages")
-    average: Real = number(0.9, 0, 1 - 1e-9, "share of the average that an epoch keeps; 0: no average")
+    average: Real = number(0.9, 0, 1 - 1e-9, "share of the average that an epoch keeps; 0: none")
     smoothness: Real = number(0.3, *SMOOTHNESS)
 
 
@@ -108,9 +103,7 @@ class SACSettings(PlainSACSettings):
     learning_rate: Real = number(6e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     policy_delay: Whole = number(2, *DELAY)
     smoothness: Real = number(0.1, *SMOOTHNESS)
-    average: Real = number(
-        0.9995, 0, 1 - 1e-9, "share of the average that an actor step keeps; 0: no average"
-    )
+    average: Real = number(0.9995, 0, 1 - 1e-9, "share of the average that an actor step keeps; 0: none")
 
 
 class HERSettings(SACSettings):
@@ -129,9 +122,7 @@ class HERSettings(SACSettings):
     goal_selection_strategy: Literal["future", "final", "episode"] = value(
         "future", "which tip position of the same episode becomes the goal"
     )
-    error_scale: Real = number(
-        0.05, 1e-6, 1e6, "distance from the goal that the networks are given as 1", "reach"
-    )
+    error_scale: Real = number(0.05, 1e-6, 1e6, "distance from the goal that networks see as 1", "reach")
 
     @model_validator(mode="before")
     @classmethod

@@ -47,8 +47,7 @@ class Config(Model):
     num_envs: Whole = number(512, 1, SEEDS_PER_RUN, "environments in parallel")
     total_steps: Whole = number(8_000_000, 1, 1e12, "environment steps in all")
     start_from: Text | None = value(
-        None,
-        "policy to begin with: a run folder, the folder of an exported policy, or a policy.zip; null: none",
+        None, "policy to begin with: a run folder, that of an exported policy, or a policy.zip; null: none"
     )
     start_from_sha256: Text | None = value(
         None, "SHA-256 of that policy.zip, written by the training; if it is given, another file is refused"
@@ -60,8 +59,7 @@ class Config(Model):
     evaluation_episodes: Whole = number(1000, 1, MAX_EPISODES, "episodes on the frozen evaluation goals")
     checkpoint_seconds: Real = number(30.0, 0.0, 1e9, "training time between checkpoints; 0: none", "s")
     telemetry: tuple[Literal["tensorboard", "csv", "wandb", "mlflow"], ...] = value(
-        ("tensorboard",),
-        "where figures of the training are logged; wandb and mlflow only if the command itself names them",
+        ("tensorboard",), "where figures are logged; wandb and mlflow only if the command itself names them"
     )
     env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ENV_KWARGS)}")
     ppo: learners.PPOSettings | None = value(None, "settings of ppo")

@@ -17,12 +17,6 @@ COMPARISON = (
     "environment", "learner", "time to hold, s", "... of computed torque", "effort",
     "... of computed torque", "smoothness", "... of computed torque", "machine",
 )  # fmt: skip
-BRIEF = {
-    "environment": "environment", "learner": "learner", "seeds": "seeds",
-    "goals held, median seed": "hold, median", "worst seed": "hold, worst seed",
-    "computed torque": "hold of computed torque", "training on one core": "training, s",
-}  # fmt: skip
-"""Columns of the table of the README, and those of all results that they show."""
 UNKNOWN = "-"
 
 
@@ -37,19 +31,13 @@ def results_table(places: Iterable[str | Path]) -> str:
         if not same.numbers("hold_success"):
             mean = f"the mean return of {same.learner} is {_number(same.numbers('mean_return'))}."
             untold.append(f"The task of {same.title} tells no success: {mean}")
-    rows, compared = [*map(_results, groups)], markdown(COMPARISON, comparison)
+    rows, compared = [*map(results_of, groups)], markdown(COMPARISON, comparison)
     results = markdown([*rows[0]], [row.values() for row in rows])
     facts = {"least": MIN_RUNS, "untold": untold, "origin": _origin(groups)}
     return page("table", results=results, comparison=compared, **facts).rstrip("\n")
 
 
-def brief_table(places: Iterable[str | Path]) -> str:
-    """Hold success and training time of runs as one small Markdown table, that of the README."""
-    rows = [[row[name] for name in BRIEF.values()] for row in map(_results, read_groups(places))]
-    return markdown(list(BRIEF), ([*row, f"{seconds} s"] for *row, seconds in rows))
-
-
-def _results(same: Group) -> dict[str, str]:
+def results_of(same: Group) -> dict[str, str]:
     """A row of the first table, by its columns."""
     hold, steps = same.numbers("hold_success"), same.numbers("env_steps")
     low, high = map(float, run_interval(hold)) if hold else (math.nan, math.nan)
