@@ -49,7 +49,6 @@ def test_the_ppo_example_trains_evaluates_and_saves(tmp_path):
 
 
 CLASSES = {"averaged_ppo": AveragedPPO, "averaged_sac": AveragedSAC, "ppo": PPO, "sac": SAC}
-OF_POLICY = {"net_arch", "log_std_init", "schedule"}
 OF_GOALS = {"n_sampled_goal", "goal_selection_strategy"}
 PRESETS = [name for name in presets() if "/" not in name and "weak" not in name]
 """Settings for the environments as registered."""
@@ -57,7 +56,7 @@ PRESETS = [name for name in presets() if "/" not in name and "weak" not in name]
 
 def of_preset(config):
     """The settings of a preset under the names of rl_zoo3."""
-    expected = config.settings.model_dump(exclude=OF_POLICY | OF_GOALS)
+    expected = config.settings.model_dump(exclude={"net_arch", "log_std_init", "schedule"} | OF_GOALS)
     if config.algo == "her":
         goals = config.settings.model_dump(include=OF_GOALS)
         expected |= {"replay_buffer_class": "HerReplayBuffer", "replay_buffer_kwargs": goals}

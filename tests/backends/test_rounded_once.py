@@ -16,7 +16,6 @@ from redundant_envs.compiler.backends.processors import Processor
 pytestmark = pytest.mark.skipif(
     platform.machine().lower() not in ("x86_64", "amd64"), reason="other processors have the instruction"
 )
-OLD = Processor("x86-64-v2", "")
 SPECIAL = [0.0, -0.0, 1.0, -1.0, 0.1, 3.0, -3.0, np.inf, -np.inf, np.nan]
 OUTSIDE = [*SPECIAL, 5e-324, -5e-324, 2.0**-1022, 1e-300, 1e308, -1.7e308]
 
@@ -28,7 +27,7 @@ def known(*columns):
 
 def ours(*columns):
     """The same by code for a processor without the instruction."""
-    with warnings.catch_warnings(), llvm.target(OLD):
+    with warnings.catch_warnings(), llvm.target(Processor("x86-64-v2", "")):
         warnings.simplefilter("ignore")
         return known(*columns)
 

@@ -14,7 +14,6 @@ from published_runs import RESULTS, published_run
 typer = pytest.importorskip("typer", reason="commands of agents need the extra 'train'")
 
 RUN = "runs/rprp_reach_sac/seed100"
-PLACEHOLDERS = {"RUN": RUN, "FILE": "some.json"}
 FOUND = {command for page in MANUAL for command in commands(page)}
 QUICK = (
     "python -m redundant_envs list",
@@ -42,7 +41,7 @@ def words_of(command):
     """The words of a command; patterns become files, placeholders something that exists."""
     found = []
     for word in shlex.split(re.sub(r"\$\(.*\)", "", command)):
-        word = PLACEHOLDERS.get(word, word)
+        word = {"RUN": RUN, "FILE": "some.json"}.get(word, word)
         paths = ROOT.glob(word) if "*" in word and "{" not in word else ()
         found += sorted(str(path.relative_to(ROOT)) for path in paths) or [word]
     return found

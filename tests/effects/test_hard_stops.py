@@ -65,7 +65,6 @@ def test_a_hard_stop_decides_the_travel():
 
 # ---- two sliders at their stops almost at once: neither order nor rest depends on the steps ----------
 
-NARROW = rde.RPRP((0.5,) * 4, (0.25, 0.25))
 TRAVEL = 0.001
 
 
@@ -99,7 +98,7 @@ def pressed():
 def test_another_account_lets_slow_sliders_leave_and_supports_pressed_ones(given, restitution, most):
     """With fixed steps a bounce below 1e-9 m is put to rest: slow ones would be off by 8e-5."""
     pytest.importorskip("scipy", reason="scipy is in the extra 'verify'")
-    made = scene(NARROW, restitution, upper=(TRAVEL,) * 2)
+    made = scene(rde.RPRP((0.5,) * 4, (0.25, 0.25)), restitution, upper=(TRAVEL,) * 2)
     batch, _ = advanced(made, *given)
     assert np.abs(np.stack([batch.q, batch.qd], axis=1) - by_another_account(made, *given)).max() < most
 

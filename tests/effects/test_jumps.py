@@ -18,7 +18,6 @@ Q, QD = np.array((0.3, 0.2, -0.4, 0.1)), np.array((1.0, -0.4, 0.5, 0.3))
 once = physics(lambda ready: 0.0 * ready)
 blow = physics(lambda ready, x, y: (ready * x, ready * y))
 knock = physics(lambda ready, y: ready * y)
-in_turn = physics(lambda ready: 1.0 - ready)
 dialled = physics(lambda delay: delay)
 
 
@@ -34,7 +33,7 @@ class Blow(e.Effect):
     static = ("place", "later")
 
     def hooks(self, arm):
-        update, initial = (in_turn, 0.0) if self.later else (once, 1.0)
+        update, initial = (physics(lambda ready: 1.0 - ready), 0.0) if self.later else (once, 1.0)
         state = e.State("ready", "1", update=update, bind={"ready": ".ready"}, initial=initial)
         bind = {"ready": ".ready", "x": ".x", "y": ".y"}
         if isinstance(self.place, e.Point):

@@ -233,16 +233,13 @@ def test_arrays_of_options_have_one_row_for_each_environment(kind, count):
         np.testing.assert_array_equal(again, first)
 
 
-blown = physics(lambda strength: strength)
-
-
 @dataclass(frozen=True)
 class Wind(e.Effect):
     strength: float = 0.0
     carried: float = 0.1
 
     def hooks(self, arm):
-        push = e.Force(0, blown, {"strength": ".strength"})
+        push = e.Force(0, physics(lambda strength: strength), {"strength": ".strength"})
         return (push, e.PointMass(e.Point(arm.num_masses - 1), ".carried"))
 
 

@@ -12,7 +12,6 @@ from redundant_envs import effects as e
 from redundant_envs.language.algebra import physics
 
 SCENE = "rprp_reach"
-ENV = "redundant_envs/RPRPReach-v0"
 NONE = {
     "true": True,
     "truth of NumPy": np.True_,
@@ -32,7 +31,7 @@ NONE = {
 def faces():
     """What sets parameters: the face of two lanes -> a function of a name and its value."""
     batch = rde.BatchSimulator(rde.load_scene(SCENE), 2)
-    env, venv, sb3 = (made(kind, ENV, 2) for kind in FACES)
+    env, venv, sb3 = (made(kind, "redundant_envs/RPRPReach-v0", 2) for kind in FACES)
     return {
         "batch": lambda name, value: batch.set_parameters({name: value}),
         "a lane": lambda name, value: batch.set_parameters({name: value}, index=[0]),

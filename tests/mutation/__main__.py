@@ -9,8 +9,6 @@ fails ends the run. Annotations, docstrings and error messages are left out: no 
 runs the test of each.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import csv
@@ -26,14 +24,13 @@ from .copies import ROOT, Outcome, in_copies, outcome
 
 PACKAGE = "redundant_envs"
 EQUATIONS = ("robots/rprp", "robots/four_r", "robots/derived", "robots/added_inertia")
-NUMERICS = ("methods", "error_control")
 EVENTS = ("boundary", "crossings", "first_event", "search", "contacts", "complementarity")
 LANE = ("dynamics", "parameters", "kinks", "common_step", "step_control", "boundaries",
         "boundary", "stiction", "stops", "features", "program",
         "interval")  # fmt: skip
 MODULES = (
     *EQUATIONS, "scenes/tableaus", "language/limits",
-    *(f"simulator/numerics/{m}" for m in NUMERICS),
+    *(f"simulator/numerics/{m}" for m in ("methods", "error_control")),
     *(f"simulator/events/{m}" for m in EVENTS),
     *(f"simulator/lane/{m}" for m in LANE),
 )  # fmt: skip

@@ -18,7 +18,6 @@ ROBOTS = {
     "RPRP": rde.RPRP((2.0, 1.5, 1.0, 0.5), (1.0, 0.8)),
     "FourR": rde.FourR((2.0, 1.5, 1.0, 0.5), (1.0, 0.8, 0.6, 0.4)),
 }
-POINTS = 6
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
@@ -71,7 +70,7 @@ def test_the_packages_expression_is_the_derived_one(sides, name):
     one, other = (sp.lambdify(symbols, sp.Matrix([x]), "mpmath") for x in both[name])
     draw = random.Random(7)
     with mpmath.workdps(60):
-        for _ in range(POINTS):
+        for _ in range(6):
             at = [mpmath.mpf(draw.uniform(0.5, 2.0)) for _ in symbols]
             left, right = one(*at), other(*at)
             assert mpmath.mnorm(left - right, "f") <= mpmath.mpf(10) ** -50 * mpmath.mnorm(right, "f")
