@@ -98,13 +98,10 @@ class EqualSteps(StepControl):
     def end(self, lane: Lane) -> End:
         ended, last = logical_not(lane.left > 0.0), logical_not(lane.steps_left - 1.0 > 0.0)
         lane.min_steps = maximum(lane.min_steps, self.step.least_steps(lane))
-        change, impacts = tip_distance(self.dynamics, lane, SEEN), self.features.bounces.impacts(lane)
-        known = lane.divisions, lane.error, self.pieces.allowed_error(lane), change, impacts
-        doubtful, *kinks = self.step.doubts(lane)
-        crossed = Crossed(*known, doubtful | self.features.bounces.missed(lane), *kinks)
+        crossed = self._crossed(lane)
         agrees = error_control.growth_allowed(crossed) | error_control.confirmed(crossed)
         agrees = agrees | self.pieces.judged_later(lane, crossed)
-        most = error_control.most_steps(impacts)
+        most = error_control.most_steps(crossed.impacts)
         too_fast = lane.min_steps > error_control.TOO_FAST * lane.divisions
         if (lane.divisions < most) & (too_fast | (ended & last & logical_not(agrees))):
             if last:
@@ -120,6 +117,12 @@ class EqualSteps(StepControl):
         if not (accurate & (lane.min_steps <= error_control.MAX_STEPS) & agrees):
             self.pieces.note(lane, Fault.TOLERANCE_NOT_REACHED)
         return End.CROSSED
+
+    def _crossed(self, lane: Lane) -> Crossed:
+        change, impacts = tip_distance(self.dynamics, lane, SEEN), self.features.bounces.impacts(lane)
+        known = lane.divisions, lane.error, self.pieces.allowed_error(lane), change, impacts
+        doubtful, *kinks = self.step.doubts(lane)
+        return Crossed(*known, doubtful | self.features.bounces.missed(lane), *kinks)
 
     def within_budget(self, lane: Lane) -> Any:
         return lane.evaluations < self.pieces.crossings * self.most_trials * self.stages
