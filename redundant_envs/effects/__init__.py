@@ -49,7 +49,8 @@ from redundant_envs.effects.hooks import (
 
 from redundant_envs.support.modules import classes_in
 
-OWN: dict[str, type[Effect]] = {x.__name__: x for x in classes_in(__name__, Effect) if "hooks" in vars(x)}
+_FOUND = {kind.__name__: kind for kind in classes_in(__name__, Effect) if "hooks" in vars(kind)}
+OWN: dict[str, type[Effect]] = dict(sorted(_FOUND.items()))
 """The effects of this package by their names; a base of several has no hooks."""
 globals().update(OWN)
 __all__ = [*(name for name, thing in sorted(globals().items()) if isinstance(thing, type))]

@@ -81,16 +81,17 @@ def module_named(name: str) -> Any:
 
 
 def classes_in(package: str, base: type[T]) -> list[type[T]]:
-    """Classes that the modules of a package derive from a base, in the order of the modules' names."""
+    """Classes that the modules of a package derive from a base, those with the shortest names first."""
     folder = importlib.import_module(package).__path__
     modules = [importlib.import_module(f"{package}.{m.name}") for m in pkgutil.iter_modules(folder)]
-    return [
+    derived = [
         thing
         for module in modules
         for thing in vars(module).values()
         if isinstance(thing, type) and issubclass(thing, base) and thing.__module__ == module.__name__
         if thing is not base
     ]
+    return sorted(derived, key=lambda kind: (len(kind.__name__), kind.__name__))
 
 
 def import_named(module: str) -> None:
