@@ -1,7 +1,5 @@
-"""Fixtures of the application: runs that all tests of one process share, commands, and refused ones.
-
-A test that changes a run takes a copy.
-"""
+"""Fixtures of the application: runs that all tests of one process share, of which a test that changes one
+takes a copy; commands, and refused ones."""
 
 import os
 import re

@@ -1,7 +1,5 @@
-"""What every effect of the package promises, by rows: a new effect has them all.
-
-The equation of an effect is tried in a file of its own, and its page in ``tests/docs/test_pages.py``.
-"""
+"""What every effect of the package promises, by rows: a new effect has them all. Its equation is tried in a
+file of its own, and its page in ``tests/docs/test_pages.py``."""
 
 import copy
 import dataclasses

@@ -141,3 +141,10 @@ def test_intervals_end_where_another_program_ends_them(what):
     tips, status = end_of(made, *([found[name]] for name in ("q", "qd", "efforts")))
     assert not status.numerics.any()
     assert np.linalg.norm(tips[0] - found["tip"]) <= found["most"]
+
+
+@pytest.mark.parametrize(("most", "hidden"), [(0.8, False), (0.96, True), (1.2, False)])
+def test_a_quantity_may_pass_a_whole_number_between_stages_and_come_back(most, hidden):
+    """A parabola through the stages exceeds them by a tenth of their range at most."""
+    met = crossings.meets_kink(Watched(0.2, 0.7, 0.2, most), True, crossings.Overshoot(0.1, 0.1))
+    assert met == (most > 1.0, hidden)

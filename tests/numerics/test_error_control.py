@@ -1,7 +1,5 @@
-"""Local steps for every lane: enough for the tolerance, and decided by that lane alone.
-
-``model/test_trajectory.py`` has known motions of dop853, and that more times do not change one.
-"""
+"""Local steps for every lane: enough for the tolerance, and decided by that lane alone. Known motions of
+dop853, and that more times do not change one, are in ``model/test_trajectory.py``."""
 
 import dataclasses
 import itertools

@@ -1,7 +1,5 @@
-"""Steps whose estimate cannot be trusted: near a joint, across kinks of motors, with states of effects.
-
-A hostile review found each of these off by 2 to 90 tolerances without a flag.
-"""
+"""Steps whose estimate cannot be trusted: near a joint, across kinks of motors, with states of effects. A
+hostile review found each of these off by 2 to 90 tolerances without a flag."""
 
 import dataclasses
 
