@@ -37,7 +37,7 @@ def test_twin_friction_slows_a_slider_down():
     assert 0.97 < rde.simulate(scene, [0.0], [1.0], [0.1]).qd[0, 0] < 0.98
 """
 OF_ALL_EFFECTS = (
-    "tests/effects", "tests/docs", "tests/studies/test_effects_study.py", "tests/test_properties.py",
+    "tests/effects", "tests/docs", "tests/studies", "tests/test_properties.py",
     "tests/envs/test_pictures.py", "tests/fuzz/test_fuzz.py", "tests/verify/test_verified_effects.py",
 )  # fmt: skip
 
