@@ -44,7 +44,8 @@ from redundant_envs.effects.viscous_friction import ViscousFriction as ViscousFr
 from redundant_envs.effects.hooks import (
     Actuation as Actuation, Effect as Effect, Field as Field, Force as Force, Friction as Friction,
     Gap as Gap, Impact as Impact, Impulse as Impulse, Inertia as Inertia, Instant as Instant, Link as Link,
-    Obstacle as Obstacle, Point as Point, PointMass as PointMass, Reading as Reading, Sensing as Sensing, State as State,
+    Obstacle as Obstacle, Point as Point, PointMass as PointMass, Reading as Reading, Sensing as Sensing,
+    State as State,
 )  # fmt: skip
 # isort: on
 

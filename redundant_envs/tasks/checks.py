@@ -30,7 +30,7 @@ def check_task(task: Task, scene: Scene) -> None:
     """
     kind, arm = type(task).__name__, scene.robot
     check_declared(f"the task {kind}", task, Task)
-    functions = (*task.functions(scene), *task.begin_functions)
+    functions = (*task.functions(scene), *task.begin_functions(scene))
     for f in functions:
         dialect.check(f)
     equations = (*arm.functions, *(f for f in (arm.held_dynamics, arm.slider_mobility) if f is not None))
@@ -51,7 +51,7 @@ def check_task(task: Task, scene: Scene) -> None:
     check_names(f"{arm.kind}.functions", (name for f in equations for name in gives_of(f)), reserved)
     taken = dict.fromkeys(known, f"of the arm {arm.kind}") | reserved
     of_angles = [name for pair in task.angles.values() for name in pair]
-    begun = {name for f in task.begin_functions for name in gives_of(f)}
+    begun = {name for f in task.begin_functions(scene) for name in gives_of(f)}
     shared = dict.fromkeys(("masses", "lengths"), f"of the arm {arm.kind}: options of a reset set them")
     for field, names, more in (
         ("functions", givers_of(functions), {}),
@@ -112,7 +112,7 @@ def _check_captured(task: Task, scene: Scene) -> None:
 
 def task_described(task: Task, scene: Scene) -> Described:
     """Everything that an environment takes from a task, but for its numbers."""
-    functions = (*task.functions(scene), *task.begin_functions)
+    functions = (*task.functions(scene), *task.begin_functions(scene))
     description: Described = {"the number of functions": str(len(functions))}
     for f in functions:
         description[f"the function of {', '.join(gives_of(f))}"] = baked_numbers.function_described(f)

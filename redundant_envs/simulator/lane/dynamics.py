@@ -20,6 +20,7 @@ from redundant_envs.simulator.lane import fields, sensing
 from redundant_envs.simulator.lane.closed_forms import Closing, varying_arguments
 from redundant_envs.simulator.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Lifetime, Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.obstacles import clearance_functions
 from redundant_envs.simulator.lane.parameters import SceneParameters
 
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))
@@ -108,6 +109,11 @@ class Dynamics:
         for name, unit in zip(self.commands, self.scene.command_units(), strict=True):
             yield Variable(name, unit, "command of a motor", SCRATCH)
         yield from engine("error", "fault")
+
+    @cached_property
+    def clearances(self) -> tuple[Callable[..., Any], ...]:
+        """Functions of the distances of the links from the obstacles."""
+        return clearance_functions(self.scene.attached, self.arm)
 
     @cached_property
     def constant(self) -> frozenset[str]:
