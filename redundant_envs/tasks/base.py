@@ -64,6 +64,8 @@ class Task:
         Metrics -> their names in ``info``, where these differ.
     held_outputs : tuple of str, default ()
         Metrics that are known only after a step, and kept until the next one.
+    ends : tuple of str, default ()
+        Quantities that end an episode after a step in which one of them is positive (``terminated``).
     angles : mapping of str to (str, str), default {}
         Angles of the task, rad -> names of their sines and cosines.
     goal_functions : tuple of functions, default ()
@@ -97,6 +99,7 @@ class Task:
     flags: ClassVar[tuple[str, ...]] = ()
     labels: ClassVar[Mapping[str, str]] = {}
     held_outputs: ClassVar[tuple[str, ...]] = ()
+    ends: ClassVar[tuple[str, ...]] = ()
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
     goal_functions: ClassVar[tuple[Function, ...]] = ()
     goal_conditioned: ClassVar[bool] = False

@@ -9,6 +9,7 @@ from typing import Any
 from redundant_envs.compiler.tracing.graph import owned
 from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached, EffectStates, field_of
+from redundant_envs.effects.obstacles import clearance_functions
 from redundant_envs.language.algebra import ABSENT, gives_of, numbered, physics, total
 from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.language.quantities import Quantities
@@ -20,7 +21,6 @@ from redundant_envs.simulator.lane import fields, sensing
 from redundant_envs.simulator.lane.closed_forms import Closing, varying_arguments
 from redundant_envs.simulator.lane.fields import ENGINE, PARAMETER, SCRATCH, STATE, Lifetime, Variable, engine
 from redundant_envs.simulator.lane.memory import Lane
-from redundant_envs.simulator.lane.obstacles import clearance_functions
 from redundant_envs.simulator.lane.parameters import SceneParameters
 
 DRAW_KEY = tuple(numbered("draw_key{}", KEY_WORDS))

@@ -8,8 +8,9 @@ from functools import cached_property, reduce
 from typing import Any
 
 from redundant_envs.effects.hooks import Sensing
+from redundant_envs.effects.obstacles import closest_names
 from redundant_envs.language import algebra
-from redundant_envs.language.algebra import logical_not, maximum, minimum, total, where
+from redundant_envs.language.algebra import any_of, logical_not, maximum, minimum, total, where
 from redundant_envs.language.quantities import Quantities, check_names
 from redundant_envs.scenes.numbers import ends_of, entries_of
 from redundant_envs.scenes.ranges import Range
@@ -19,7 +20,6 @@ from redundant_envs.simulator.lane.faults import GIVEN_UP, Fault, angle_fault, i
 from redundant_envs.simulator.lane.fields import PARAMETER, STATE, Layout, Variable, copies, engine, variables
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane
-from redundant_envs.simulator.lane.obstacles import closest_fields
 from redundant_envs.simulator.lane.sensing import measured, reads_nonsense
 from redundant_envs.tasks.base import Task, depth_beyond, range_of_starts, spring_limits, start_position
 
@@ -82,7 +82,7 @@ class Episode:
         task = self.task
         taken = {name for f in self.functions for name in algebra.arguments_of(f)}
         taken |= {*task.metrics, *task.updates.values(), *task.moves.values()}
-        return not taken.isdisjoint(closest_fields(self.dynamics.scene.attached))
+        return not taken.isdisjoint(closest_names(self.dynamics.scene.attached))
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:
@@ -193,7 +193,8 @@ class Episode:
             numerics = numerics + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
         lane.numerics = numerics + angle_fault(self.arm, lane)
         lane.steps = lane.steps + 1.0
-        lane.terminated = where(faulty, 1.0, 0.0)
+        ended = any_of([faulty, *(x[name] > 0.0 for name in task.ends)])
+        lane.terminated = where(ended, 1.0, 0.0)
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
         lane.set(task.held_outputs, x.each(task.held_outputs))
         if "evaluations_sum" in lane:

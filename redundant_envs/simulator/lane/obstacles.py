@@ -1,67 +1,17 @@
-"""How near the links of an arm come to the obstacles of a scene: now, and within a control interval."""
+"""How near the links of an arm come to the obstacles of a scene within a control interval."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
 from typing import Any
 
-from redundant_envs.effects.bound_hooks import Attached, Attachments
-from redundant_envs.effects.hooks import ENDS_OF_LINK, Obstacle
+from redundant_envs.effects.hooks import Obstacle
+from redundant_envs.effects.obstacles import closest_names, gap_of_link
 from redundant_envs.language.algebra import cases, clamp, minimum, numbered, physics, where
-from redundant_envs.robots.arm import Arm
 from redundant_envs.simulator.lane.fields import Variable, copies, variables
 from redundant_envs.simulator.lane.memory import Lane
 
-CLOSEST, NEAR = "closest{}", "near{}"
 FARTHEST = 1e300
 """m: a distance before anything was measured; unlike infinity it is no NaN after a product with 0."""
-
-
-def ends_of_link(link: int) -> tuple[tuple[str, str], ...]:
-    """Names of x and y of both ends of a link, counted from 0, the first of which begins at the base."""
-    return tuple((f"x{n}", f"y{n}") for n in (link, link + 1))
-
-
-def clearance_functions(attached: Attachments, arm: Arm) -> tuple[Callable[..., Any], ...]:
-    """They give ``clearance<k>_<j>`` [m] of obstacle k and link j, and ``clearance<k>`` of the nearest."""
-    functions = []
-    for k, obstacle in enumerate(attached.of(Obstacle), start=1):
-        names = [f"clearance{k}_{j + 1}" for j in range(arm.num_masses)]
-        functions += [_of_link(obstacle, name, j) for j, name in enumerate(names)]
-        functions.append(_least(f"clearance{k}", names))
-    return tuple(functions)
-
-
-def _of_link(obstacle: Attached[Obstacle], name: str, link: int) -> Callable[..., Any]:
-    near, far = ends_of_link(link)
-    ends = (*(near if link else ()), *far)
-    gap = obstacle.functions["gap"]
-    numbers = [n for n in gap.names if n not in ENDS_OF_LINK]
-
-    @physics(gives=name, takes=(*ends, *numbers))
-    def clearance(*values: Any) -> Any:
-        places = values[: len(ends)] if link else (0.0, 0.0, *values[: len(ends)])
-        return _gap(obstacle, places, dict(zip(numbers, values[len(ends) :], strict=True)))
-
-    return clearance
-
-
-def _least(name: str, of: Sequence[str]) -> Callable[..., Any]:
-    @physics(gives=name, takes=of)
-    def least(*values: Any) -> Any:
-        return reduce(minimum, values)
-
-    return least
-
-
-def _gap(obstacle: Attached[Obstacle], places: Sequence[Any], numbers: Any) -> Any:
-    """The gap of a link whose ends are at these places (xa, ya, xb, yb)."""
-    gap, known = obstacle.functions["gap"], dict(zip(ENDS_OF_LINK, places, strict=True))
-    return gap.on(known[n] if n in known else numbers[n] for n in gap.names)
-
-
-def closest_fields(attached: Attachments) -> tuple[str, ...]:
-    """Names of the least clearances from the obstacles within an interval."""
-    return tuple(numbered(CLOSEST, len(attached.of(Obstacle))))
 
 
 class NoWatch:
@@ -99,8 +49,8 @@ class Watch(NoWatch):
 
     def __init__(self, dynamics: Any) -> None:
         self.dynamics, self.obstacles = dynamics, dynamics.scene.attached.of(Obstacle)
-        self.closest = closest_fields(dynamics.scene.attached)
-        self.near = tuple(numbered(NEAR, len(self.obstacles)))
+        self.closest = closest_names(dynamics.scene.attached)
+        self.near = tuple(numbered("near{}", len(self.obstacles)))
 
     def fields(self, saved: bool) -> Iterator[Variable]:
         yield from variables(self.closest, "least clearance of the links in the interval", unit="m")
@@ -125,7 +75,7 @@ class Watch(NoWatch):
         for name, obstacle in zip(self.near, self.obstacles, strict=True):
             sampled, shares, lowest = [], [], []
             for link in zip(first, middle, last, strict=True):
-                sampled += (gaps := [_gap(obstacle, places, numbers) for places in link])
+                sampled += (gaps := [gap_of_link(obstacle, places, numbers) for places in link])
                 share, value = lowest_between(*gaps)
                 shares.append(share)
                 lowest.append(value)
@@ -134,7 +84,7 @@ class Watch(NoWatch):
             share = cases(*zip((c for c, _ in chosen), shares, strict=True), default=0.5)
             ends = links_at(share)
             place = [cases(*((c, ends[n][k]) for c, n in chosen), default=ends[-1][k]) for k in range(4)]
-            lane[name] = reduce(minimum, [*sampled, _gap(obstacle, place, numbers)])
+            lane[name] = reduce(minimum, [*sampled, gap_of_link(obstacle, place, numbers)])
 
     def _motion(self, lane: Lane, states: Iterable[Any]) -> list[tuple[Any, Any]]:
         """x and y of each point mass with their rates, in the order of links."""
