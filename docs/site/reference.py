@@ -19,7 +19,7 @@ from sources import DOCS, ROOT
 import redundant_envs as rde
 from redundant_envs import control
 from redundant_envs.envs.named import page as page_of
-from redundant_envs.envs.registration import IDS, SCENES, id_of
+from redundant_envs.envs.registration import IDS, id_of, scene_of
 from redundant_envs.envs.rendering import stated_limits
 from redundant_envs.model.listing import Operations
 from redundant_envs.robots.drawn import schematic
@@ -96,7 +96,7 @@ def environments() -> dict[str, str]:
         env = gym.make(env_id)
         spaces = {"Action space": env.action_space, "Observation space": env.observation_space}
         rows = [("Import", f'`gymnasium.make("{env_id}")`'), *((k, f"`{v}`") for k, v in spaces.items())]
-        text = inspect.cleandoc(page_of(type(env.unwrapped), SCENES[arm]))
+        text = inspect.cleandoc(page_of(type(env.unwrapped), scene_of(*IDS[env_id])))
         first, _, rest = text.partition("\n\n## Description")
         made[f"environments/{name}.md"] = f"""# {name}
 
