@@ -28,19 +28,20 @@ from redundant_envs.scenes.scene import scene_names
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.disk import write_text
 from redundant_envs.support.tables import markdown
+from redundant_envs_train.rollout import expert_act
 from studies.effects import Study, load_study
 
 sys.path.insert(0, str(DOCS / "examples"))
 from play_with_numpy import load
 
 TASKS = (rde.ReachTask, rde.GoalReachTask)
-OWN_IDS = [id_of(arm, task.name) for arm in ("RPRP", "FourR") for task in TASKS]
+OWN_IDS = [id_of(arm, task.name) for arm in ("RPRP", "FourR", "TwoR") for task in TASKS]
 """Ids of the package: a process may have registered others."""
 POLICIES = {
     "RPRPReach-v0": "RPRPReach-v0-sac", "FourRReach-v0": "FourRReach-v0-sac",
     "RPRPGoalReach-v0": "RPRPGoalReach-v0-her", "FourRGoalReach-v0": "FourRGoalReach-v0-her",
 }  # fmt: skip
-"""Shipped policies that the clips show."""
+"""Shipped policies that the clips show; the other clips show computed torque."""
 SEED, FRAMES, EVERY, FPS = 6, 50, 2, 25
 HEADS = [name.replace("_", " ") for name in Operations._fields]
 COMMANDS = {
@@ -102,7 +103,7 @@ def environments() -> dict[str, str]:
 
 {first}
 
-![{name}: a trained policy reaches for its goal]({name}.gif)
+![{name}: {"a trained policy" if name in POLICIES else "computed torque"} reaches for its goal]({name}.gif)
 
 {markdown(("", ""), rows, formatted=True)}
 
@@ -123,10 +124,14 @@ observation, reward, terminated, truncated, info = env.step(env.action_space.sam
 
 
 def played(env_id: str) -> np.ndarray:
-    """Frames of an episode with a shipped policy, run by NumPy."""
-    act = load(ROOT / "policies" / POLICIES[env_id.partition("/")[2]] / "policy.npz")
+    """Frames of an episode with a shipped policy, run by NumPy, or with computed torque."""
     env = gym.make(env_id, render_mode="rgb_array")
     observation, _ = env.reset(seed=SEED)
+    if policy := POLICIES.get(env_id.partition("/")[2]):
+        act = load(ROOT / "policies" / policy / "policy.npz")
+    else:
+        expert = expert_act()
+        act = lambda seen: expert(seen, env.unwrapped.core, 0)  # noqa: E731
     frames = []
     for _ in range(FRAMES):
         frames.append(env.render())
