@@ -47,7 +47,8 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     if scene.actuation != "joint":
         raise ValueError(f"scene.actuation is {scene.actuation!r}; efforts are those of joints: use 'joint'")
     x = scene_quantities(scene, place)
-    gravity = np.stack(np.broadcast_arrays(*x.each(numbered("G{}", joints))), axis=-1)
+    shape = place.shape[:-1]  # without gravity a force is one number
+    gravity = np.stack([np.broadcast_to(G, shape) for G in x.each(numbered("G{}", joints))], axis=-1)
     efforts: Array = gravity @ np.linalg.inv(arm.motor_map).T
     for a in scene.attached.of(Force):
         efforts -= at_joints(scene, a, "function", x)
