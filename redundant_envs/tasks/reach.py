@@ -204,7 +204,6 @@ class ReachTask(Task):
     summary = "brings its tip to a goal and holds it there"
     draws = 2
     memory = ("goal_x", "goal_y", "hold", "touched")
-    begin_functions = (goal_polar, goal_position)
     updates = {"hold": "hold_new", "touched": "touched_new"}
     metrics = ("is_success", "touched_new", "distance", "manipulability")
     flags = ("is_success", "touched_new")
@@ -233,6 +232,9 @@ class ReachTask(Task):
             raise ValueError(
                 f"ReachTask.inner is {self.inner}, outer is {self.outer}; inner must be below outer"
             )
+
+    def begin_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
+        return goal_polar, goal_position
 
     def reward_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         joints = len(scene.robot.joints)

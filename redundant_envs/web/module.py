@@ -24,7 +24,6 @@ from redundant_envs.simulator.batch.hosts import arm_kernel, arm_quantities, pre
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import TABLES, Episode
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE
-from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.support.disk import write_bytes, write_text
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.checks import check_task
@@ -51,10 +50,10 @@ def environment_module(scene: Scene, task: Task, endless: bool = False) -> Modul
     check(scene, task)
     with uncollected():
         dynamics = Dynamics(scene)
-        episode = Episode(interval := Interval(dynamics), task)
+        episode = Episode(dynamics, task)
         environment = EnvironmentKernel(episode, WASM.lanes)
         layout = environment.blocks.layout
-        arm = arm_kernel(interval.features, layout, WASM.lanes)
+        arm = arm_kernel(episode.features, layout, WASM.lanes)
         kernels = [environment.p, prepare_kernel(dynamics, layout, WASM.lanes), arm]
         code = wasm.module(Program(kernels))
     memory = first_memory(episode, episode.layout(), 1, None if endless else task.steps)
