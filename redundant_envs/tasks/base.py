@@ -48,6 +48,8 @@ class Task:
         Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``.
     summary : str, default "has a task"
         What the arm does: the sentence that begins with the arm's description goes on with it.
+    steps : int, default 100
+        Control steps after which an episode is truncated, unless ``max_episode_steps`` says another number.
     draws : int, default 0
         Uniform draws at the start of an episode, ``draw1 ..``, beside those of the joints; 0 to 64.
     memory : tuple of str, default ()
@@ -91,6 +93,7 @@ class Task:
     static: ClassVar[tuple[str, ...]] = ()
     name: ClassVar[str]
     summary: ClassVar[str] = "has a task"
+    steps: ClassVar[int] = 100
     draws: ClassVar[int] = 0
     memory: ClassVar[tuple[str, ...]] = ()
     moves: ClassVar[Mapping[str, str]] = {}
