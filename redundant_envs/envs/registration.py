@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100  # of a task that does not say its steps
 ARGUMENTS = (
-    "scene", "accuracy", "task", "on_bad_action", "max_episode_steps", "randomize", "observe_parameters",
-    "info_keys",
+    "scene", "accuracy", "task", "terminate_on_touch", "on_bad_action", "max_episode_steps", "randomize",
+    "observe_parameters", "info_keys",
 )  # fmt: skip
 """Arguments of all environments, beside their number and those of pictures."""
 OF_PICTURES = ("render_mode", "render_width", "render_height")
@@ -52,7 +52,8 @@ def _steps_of_tasks() -> dict[str, int]:
     """Names of the tasks of the package, from their files, the shortest name first, and the control steps of
     their episodes: to read these takes a millisecond, to import the tasks a tenth of a second."""
     folder = Path(__file__).parents[1] / "tasks"
-    files = {module.name for module in pkgutil.iter_modules([str(folder)])} - {"base", "checks"}
+    modules = pkgutil.iter_modules([str(folder)])
+    files = {module.name for module in modules if not module.ispkg} - {"base", "checks"}
     steps, tasks = re.compile(r"^    steps(?:: .+)? = (\d+)$", re.MULTILINE), dict[str, int]()
     for file in sorted(files, key=lambda name: (len(name), name)):
         found = steps.search((folder / f"{file}.py").read_text(encoding="utf-8"))
@@ -220,7 +221,9 @@ def register_arm(
     _check_name("the arm", getattr(arm, "kind", None))
     before = dict(robots.REGISTRY)
     if scene is None and scenes:
-        raise ValueError(f"scenes has {', '.join(scenes)}, and scene is None; give the scene of all other tasks")
+        raise ValueError(
+            f"scenes has {', '.join(scenes)}, and scene is None; give the scene of all other tasks"
+        )
     if scene is not None:
         _check_ids([arm.kind], TASKS)
     _check_names("scenes", scenes, TASKS, "a task")

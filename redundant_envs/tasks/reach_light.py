@@ -26,7 +26,7 @@ AT_STOP = 1e-3
 
 
 def largest_effort(joints: int) -> Callable[..., Any]:
-    """The largest effort of a motor in this step, as a share of its limit, and by how much it is too large."""
+    """The largest effort of a motor in this step, as a share of its limit, and its excess over ``light``."""
 
     @physics(gives="load cost", takes=(*numbered("action{}", joints), "light"))
     def largest_effort(*values: Any) -> Any:

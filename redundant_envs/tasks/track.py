@@ -168,15 +168,15 @@ class TrackTask(ReachTask):
     def success_note(self) -> str:
         return (
             '`info["is_success"]`, from the first step after the time `settle` on: whether the tip was\n'
-            f"within {100 * self.track_tolerance:g} % of the full reach of the target at the end of every step "
-            'since then;\n`info["worst"]` is the largest distance, m.'
+            f"within {100 * self.track_tolerance:g} % of the full reach of the target at the end of every "
+            'step since then;\n`info["worst"]` is the largest distance, m.'
         )
 
     def start_note(self) -> str:
         return (
-            f"The curve is an ellipse or a figure eight, half of each, with its centre within {self.spread:g} "
-            f"of\nthe full reach and a half length of {self.smallest:g} to {self.largest:g} of it. "
-            f"{self.course()}"
+            "The curve is an ellipse or a figure eight, half of each, with its centre within "
+            f"{self.spread:g} of\nthe full reach and a half length of {self.smallest:g} to "
+            f"{self.largest:g} of it. {self.course()}"
         )
 
     def course(self) -> str:

@@ -106,6 +106,6 @@ class TrackAroundTask(AmongObstacles, TrackTask):
     def start_note(self) -> str:
         return (
             "The arm hangs. The curve is an ellipse or a figure eight, half of each, with a half length of\n"
-            f"{self.smallest:g} to {self.largest:g} of the full reach, shorter where there is no room for it, "
-            f"{self.goal_margin:g} of it clear of\nall obstacles. {self.course()}"
+            f"{self.smallest:g} to {self.largest:g} of the full reach, shorter where there is no room for "
+            f"it, {self.goal_margin:g} of it clear of\nall obstacles. {self.course()}"
         )
