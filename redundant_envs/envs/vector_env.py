@@ -49,7 +49,8 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         self._check_choices(on_bad_action, render_mode, render_width, render_height)
         named = make_task(task, self.task_name, terminate_on_touch)
         core = Core(
-            scene, num_envs, named, max_episode_steps, accuracy, self.env_id, threads, randomize, observe_parameters, info_keys, Autoreset[self.autoreset_mode.name],
+            scene, num_envs, named, max_episode_steps, accuracy, self.env_id, threads, randomize,
+            observe_parameters, info_keys, Autoreset[self.autoreset_mode.name],
         )  # fmt: skip
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
