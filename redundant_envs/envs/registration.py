@@ -221,7 +221,7 @@ def register_arm(
     _check_name("the arm", getattr(arm, "kind", None))
     before = dict(robots.REGISTRY)
     if scene is None and scenes:
-        raise ValueError(f"scenes has {', '.join(scenes)}, and scene is None; give the scene of all other tasks")
+        raise ValueError("scenes is given without scene; give the arm's scene in all other tasks, too")
     if scene is not None:
         _check_ids([arm.kind], TASKS)
     _check_names("scenes", scenes, TASKS, "a task")
