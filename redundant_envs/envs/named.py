@@ -120,6 +120,7 @@ def task_table(task: Task) -> str:
         low, high = task.ranges.get(name, (0.0, math.inf))
         allowed = "positive" if high == math.inf else f"above 0, at most {high:g}"
         allowed = f"{low:g} to {high:g}" if low != 0.0 else allowed
+        allowed = "true or false" if isinstance(getattr(task, name), bool) else allowed
         row = f"`{name}`", getattr(task, name), task.units.get(name, ""), allowed, sentences.get(name, "")
         rows.append(row)
     return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows, formatted=True)

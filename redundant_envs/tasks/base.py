@@ -11,7 +11,7 @@ from redundant_envs.language.algebra import clamp, gives_of, maximum, minimum, p
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import between, number
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.support.values import plain_data
+from redundant_envs.support.values import plain_data, truth
 
 Function = Callable[..., Any]
 
@@ -114,6 +114,9 @@ class Task:
         for field in dataclasses.fields(self):
             where = f"{type(self).__name__}.{field.name}"
             argument: Any = getattr(self, field.name)
+            if isinstance(field.default, bool):
+                truth(where, argument)
+                continue
             value = number(where, argument)
             if type(argument) not in (int, float):
                 object.__setattr__(self, field.name, plain_data(argument))
