@@ -77,6 +77,38 @@ def test_registering_again_does_nothing_and_other_methods_of_the_name_are_refuse
             rde.register_integrator(dataclasses.replace(heun.HEUN, **change))
 
 
+class AmongTask(rde.ReachTask):
+    """Reach beside an obstacle, in short episodes."""
+
+    name = "ReachAmong"
+    steps = 7
+    metrics = (*rde.ReachTask.metrics, "clearance1")
+
+
+def test_a_pair_of_arm_and_task_has_a_scene_of_its_own_and_a_task_the_length_of_its_episodes():
+    discs, arm_among = {**three_r.SCENE}, "redundant_envs/ThreeRReachAmong-v0"
+    discs["effects"] = [*discs["effects"], {"type": "KeepOut", "centre": [0.6, 0.5], "radius": 0.1}]
+    rde.register_task(AmongTask, {"FourR": "four_r_around"})
+    rde.register_arm(three_r.ThreeR, three_r.SCENE, {"ReachAmong": discs})
+    envs = gym.make_vec("redundant_envs/FourRReachAmong-v0", 2)
+    assert envs.unwrapped.scene == rde.load_scene("four_r_around")
+    assert gym.make(arm_among).unwrapped.scene == rde.load_scene(discs)
+    with pytest.raises(ValueError, match="clearance1"):  # its reach scene has no obstacle
+        gym.make("redundant_envs/RPRPReachAmong-v0")
+    page = type(gym.make(arm_among).unwrapped).__doc__
+    assert "Truncation: after 7 steps" in page
+    assert "KeepOut" in page
+    for made, steps in ((envs, 7), (gym.make_vec(arm_among, 2, max_episode_steps=3), 3)):
+        made.reset(seed=0)
+        ends = [made.step(0.0 * made.action_space.sample())[3].all() for _ in range(steps)]
+        assert ends == [False] * (steps - 1) + [True]
+    rde.register_task(AmongTask, {})
+    assert gym.spec("redundant_envs/FourRReachAmong-v0").kwargs["scene"] == "four_r_reach"
+    assert gym.spec(arm_among).kwargs["scene"] == discs
+    rde.register_arm(three_r.ThreeR, three_r.SCENE)
+    assert gym.spec(arm_among).kwargs["scene"] == three_r.SCENE
+
+
 def test_scenes_of_an_arm_from_outside_are_plain_data():
     scene = rde.load_scene(rrp.SCENE)
     assert rde.Scene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
