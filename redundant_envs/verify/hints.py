@@ -269,6 +269,8 @@ def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
     outputs = {name for f in (*arm.functions, arm.column_norms) for name in gives_of(f)}
     clearances = clearance_functions(dynamics.scene.attached, arm)
     all_of_them = Quantities(x, (*dynamics.functions, arm.column_norms, *clearances), arm.sincos)
-    known = sorted(n for n in outputs if OWN_NAMES.fullmatch(n) or n in OF_LANES)
-    for name in (*known, *(n for f in clearances for n in gives_of(f))):
+    for name in sorted(n for n in outputs if OWN_NAMES.fullmatch(n) or n in OF_LANES):
         yield name, all_of_them[name]
+    for k, a in enumerate(dynamics.scene.attached.of(Obstacle), start=1):
+        for j in range(arm.num_masses):
+            yield f"clearance{k}_{j + 1} of {a.key}", all_of_them[f"clearance{k}_{j + 1}"]
