@@ -45,6 +45,16 @@ IDS = [
     if not (registration.HOMES.get(("the arm", arm)) or registration.HOMES.get(("the task", task)))
 ]
 """Ids of this package: tests may have registered more."""
+OFTEN = {
+    *(f"{arm}{task}" for arm in ("RPRP", "FourR", "TwoR") for task in ("Reach", "GoalReach")),
+    "FourRReachAround", "RPRPReachLight", "TwoRTrack", "FourRTrackAround", "TwoRReachFault",
+    "TwoRGoalReachAround",
+}  # fmt: skip
+EACH_ID = [
+    pytest.param(i, marks=() if i.partition("/")[2].removesuffix("-v0") in OFTEN else pytest.mark.long)
+    for i in IDS
+]
+"""Rows of tests of all ids: make test runs each task with one arm, and reaching with all."""
 COPIES = {
     "copy": copy.copy,
     "deepcopy": copy.deepcopy,

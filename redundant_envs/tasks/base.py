@@ -167,6 +167,14 @@ class Task:
         """Text of a page about success."""
         return ""
 
+    def pose_note(self) -> str:
+        """Words of a page about the start of the revolute joints."""
+        return f"joint angles uniform in +-{self.start_angle:g} rad"
+
+    def end_note(self) -> str:
+        """Words of a page before "a fault" that say what ends an episode."""
+        return "only"
+
     def start_note(self) -> str:
         """Text of a page about an episode's start, beside the start of the arm."""
         return ""

@@ -179,8 +179,8 @@ def test_pages_agree_with_the_code(env_id):
     for name in env.core.task.parameters():
         assert f"| `{name}` | {getattr(env.core.task, name)} |" in text
     assert " ".join(row[0] for row in rows(section(text, "Arguments"))) == (
-        "scene accuracy render_mode on_bad_action task randomize observe_parameters info_keys "
-        "render_width render_height"
+        "scene accuracy render_mode on_bad_action task terminate_on_touch randomize "
+        "observe_parameters info_keys render_width render_height"
     )
     terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
     assert [row[0] for row in rows(section(text, "Rewards"))] == terms

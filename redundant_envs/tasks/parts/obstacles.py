@@ -172,6 +172,13 @@ class AmongObstacles(ReachTask):
         touch = {"struck_obs": "1 once a link has touched an obstacle, else 0"}
         return {**super().observation(scene), **of_discs, **distances, **touch}
 
+    def pose_note(self) -> str:
+        first = f"{self.hang_low:g} to {self.hang_high:g} rad"
+        return f"the first joint in {first}, other joint angles uniform in +-{self.bend:g} rad"
+
+    def end_note(self) -> str:
+        return f"a touch{'' if self.terminate_on_touch else ', with `terminate_on_touch`'}, or"
+
     def success_note(self) -> str:
         return (
             f"{super().success_note()}\nAn episode in which a link touches an obstacle is no success: "
