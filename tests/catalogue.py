@@ -33,6 +33,7 @@ EQUAL = {"4R": rde.FourR((1.0,) * 4, (0.5,) * 4), "RPRP": rde.RPRP((1.0,) * 4, (
 ARMS = {
     "4R": FOUR_R,
     "RPRP": RPRP,
+    "2R": rde.TwoR((2.0, 1.5), (0.3, 0.5)),
     "RRR": rde.Chain("RRR", (2.0, 1.5, 1.0), (0.3, 0.5, 0.4)),
     **{kind: aimed.ARMS[kind] for kind in ("RP", "PPR", "RPPP", "PRPRP")},
 }
