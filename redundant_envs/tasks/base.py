@@ -66,6 +66,9 @@ class Task:
         Metrics -> their names in ``info``, where these differ.
     held_outputs : tuple of str, default ()
         Metrics that are known only after a step, and kept until the next one.
+    failures : mapping of str to str, default {}
+        Flags of ``info`` that tell why an episode is no success -> words of a report, such as "a link touched
+        an obstacle"; the first one that is true counts.
     ends : tuple of str, default ()
         Quantities that end an episode after a step in which one of them is positive (``terminated``).
     angles : mapping of str to (str, str), default {}
@@ -102,6 +105,7 @@ class Task:
     flags: ClassVar[tuple[str, ...]] = ()
     labels: ClassVar[Mapping[str, str]] = {}
     held_outputs: ClassVar[tuple[str, ...]] = ()
+    failures: ClassVar[Mapping[str, str]] = {}
     ends: ClassVar[tuple[str, ...]] = ()
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
     goal_functions: ClassVar[tuple[Function, ...]] = ()

@@ -1,7 +1,7 @@
 """What tasks share in which no link may touch an obstacle."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -118,6 +118,7 @@ class AmongObstacles(ReachTask):
     metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "struck_new", "cost", "clearance")
     flags: ClassVar[tuple[str, ...]] = (*ReachTask.flags, "struck_new")
     labels = {**ReachTask.labels, "struck_new": "struck"}
+    failures: ClassVar[Mapping[str, str]] = {"struck": "a link touched an obstacle"}
     held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "struck_new", "cost")
     units = {
         **ReachTask.units, "clear_margin": "reaches",
