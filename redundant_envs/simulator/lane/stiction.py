@@ -92,10 +92,10 @@ class StickingJoint(Guard):
         return load - (TORN_LOOSE * dynamics.friction_limit(self.joint.index, x, 0.0) + LOST_IN_LOADS * loads)
 
     def _turns_freely(self, x: Quantities) -> Any:
-        """Whether nothing changes where its rate passes 0: it has no friction, and a stop is met as a position.
+        """Whether nothing changes where its rate passes 0: it has no friction; a stop is met as a position.
 
         Not so if it has a stop, and another joint friction: at an impact that one slips for an instant, and
-        its friction pushes others off their stops, which then strike, too. A turn at the stop ends the series.
+        its friction pushes others off their stops, which strike then. A turn at the stop ends the series.
         """
         joints = {self.joint.index} if self.travel is None else {self.joint.index, *self.dynamics.frictions}
         return all_of(self.dynamics.slips_freely(k, x) for k in sorted(joints))
