@@ -166,6 +166,13 @@ class Dynamics:
             limits.append(function.on(speed if n == hooks.SPEED else x[n] for n in function.names))
         return total(limits or [0.0])
 
+    def slips_freely(self, joint: int, x: Quantities) -> Any:
+        """Whether a joint has no friction now: it has none at all, or its limit is 0, whatever the speed."""
+        some = self.frictions.get(joint, ())
+        if any(hooks.SPEED in a.functions["limit"].names for a in some):
+            return False
+        return not some or self.friction_limit(joint, x, 0.0) == 0.0
+
     # ---- actuation, and states of effects ----------------------------------------------------------
 
     def efforts(self, x: Quantities, change: str, close: Closing | None = None) -> tuple[list[Any], Changes]:
