@@ -1,6 +1,6 @@
-"""What any controller reached under weak motors: hold success of motions that iLQR improved, with the model and
-the goal known, beside the goals that can be held at rest. The environment judges: it replays each motion with
-its feedback, and success is the task's."""
+"""What any controller reached under weak motors: hold success of motions that iLQR improved, with the model
+and the goal known, beside the goals that can be held at rest. The environment judges: it replays each motion
+with its feedback, and success is the task's."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.control import ComputedTorque, lightest_pose, pose_at
 from redundant_envs.control.holding import effort_limits
-from redundant_envs.control.ilqr import Plan, ilqr
+from redundant_envs.control.ilqr import Plan, ilqr_plan
 from redundant_envs.control.reach_cost import ReachCost
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.model.batch import BatchSimulator
@@ -31,7 +31,10 @@ COLUMNS = (
     "ilqr", "low", "high", "ilqr_of_those", "ilqr_of_others", "seconds_per_goal",
 )  # fmt: skip
 FACTORS = (0.6, 0.5, 0.4, 0.3)  # in this order: the motions of stronger motors are a start for weaker ones
-INTERVALS, HOLD = 100, 15  # of an episode, and of the rest at its end that the cost asks for; success needs 10
+INTERVALS, HOLD = (
+    100,
+    15,
+)  # of an episode, and of the rest at its end that the cost asks for; success needs 10
 STAGES, ROUNDS = 3, 20  # of each start: after each stage the goals that are held are left out
 
 
@@ -85,7 +88,7 @@ class Arena:
             actions = self.computed_torque(begin, lanes) if callable(begin) else begin[:, lanes]
             for _ in range(STAGES):
                 cost = ReachCost(self.scene.robot, self.goals[lanes], HOLD)
-                plan = ilqr(self.scene, cost, self.q[lanes], self.qd[lanes], actions, ROUNDS)
+                plan = ilqr_plan(self.scene, cost, self.q[lanes], self.qd[lanes], actions, ROUNDS)
                 held[lanes] = success = self.held(plan, lanes)
                 last[:, lanes] = plan.actions
                 lanes, actions = lanes[~success], plan.actions[:, ~success]
@@ -102,7 +105,8 @@ def run(arms: Sequence[str], goals: int, factors: Sequence[float] = FACTORS) -> 
     rows = []
     with counted("iLQR", len(factors) * len(arms or ARMS)) as done:
         for arm in arms or ARMS:
-            actions, before, loads = None, 1.0, None
+            actions: Array | None = None
+            before, loads = 1.0, None
             for factor in factors:
                 begun, arena = time.perf_counter(), Arena(arm, factor, goals)
                 if loads is None:
@@ -112,8 +116,8 @@ def run(arms: Sequence[str], goals: int, factors: Sequence[float] = FACTORS) -> 
                 seconds, can, before = time.perf_counter() - begun, loads <= factor, factor
                 low, high = wilson(int(held.sum()), goals)
                 numbers = (
-                    can.mean(), held.mean(), low, high, held[can].mean(), held[~can].mean() if (~can).any() else None,
-                    seconds / goals,
+                    can.mean(), held.mean(), low, high, held[can].mean(),
+                    held[~can].mean() if (~can).any() else None, seconds / goals,
                 )  # fmt: skip
                 rounded = [None if x is None else round(float(x), 4) for x in numbers]
                 names = dict(zip(COLUMNS[-len(numbers) :], rounded, strict=True))

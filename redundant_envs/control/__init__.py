@@ -2,8 +2,15 @@
 
 from redundant_envs.control.computed_torque import ComputedTorque, lightest_pose, pose_at
 from redundant_envs.control.holding import holding_load, holding_poses, motor_efforts, static_efforts
+from redundant_envs.control.ilqr import ilqr_plan
+from redundant_envs.control.lqr import HoldingLQR
+from redundant_envs.control.null_space import null_basis, null_projector
+from redundant_envs.control.operational_space import OperationalSpace
+from redundant_envs.control.reach_cost import ReachCost
+from redundant_envs.control.resolved_motion import ResolvedMotion
 
 __all__ = [
-    "ComputedTorque", "holding_load", "holding_poses", "lightest_pose", "motor_efforts", "pose_at",
+    "ComputedTorque", "HoldingLQR", "OperationalSpace", "ReachCost", "ResolvedMotion", "holding_load",
+    "holding_poses", "ilqr_plan", "lightest_pose", "motor_efforts", "null_basis", "null_projector", "pose_at",
     "static_efforts",
 ]  # fmt: skip

@@ -18,8 +18,8 @@ SMALL = 1e-9  # Newton step at which it ends, shares of the limits
 
 
 def box_minimum(h: Array, g: Array, low: Array, high: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """The x (n, k) between low and high, which include 0, with the least x.H x / 2 + g.x, H positive definite, by
-    projected Newton steps; and which entries are free there."""
+    """The x (n, k) between low and high, which include 0, with the least x.H x / 2 + g.x, H positive
+    definite, by projected Newton steps; and which entries are free there."""
     x, eye = np.zeros_like(g), np.eye(g.shape[-1])
     for _ in range(ROUNDS):
         slope = g + (h @ x[..., None])[..., 0]

@@ -1,9 +1,9 @@
 """Iterative LQR with limited efforts: motions improved along gradients of the simulator.
 
-Each round linearises the control intervals along the motion; goes backwards through it and finds the change of
-the efforts, within their limits, that minimises the quadratic model of the cost that remains; and simulates
-changes of several sizes with the feedback that belongs to them. The best of them is the next motion. So the
-scene's own simulator judges every change, and gradients only propose it.
+Each round linearises the control intervals along the motion; goes backwards through it and finds the change
+of the efforts, within their limits, that minimises the quadratic model of the cost that remains; and
+simulates changes of several sizes with the feedback that belongs to them. The best of them is the next
+motion. So the scene's own simulator judges every change, and gradients only propose it.
 
 Sources: W. Li and E. Todorov, "Iterative linear quadratic regulator design for nonlinear biological movement
 systems", ICINCO 2004; Y. Tassa et al. 2014 (:mod:`box_lqr`).
@@ -44,11 +44,11 @@ class Plan(NamedTuple):
         return action
 
 
-def ilqr(scene: Scene, cost: ReachCost, q: Array, qd: Array, actions: Array, rounds: int = 60) -> Plan:
+def ilqr_plan(scene: Scene, cost: ReachCost, q: Array, qd: Array, actions: Array, rounds: int = 60) -> Plan:
     """Motions that cost less than those of given actions.
 
-    Derivatives are those of :func:`redundant_envs.torch_step` or, of a scene with hard stops, which it refuses,
-    central differences of the compiled interval.
+    Derivatives are those of :func:`redundant_envs.torch_step` or, of a scene with hard stops, which it
+    refuses, central differences of the compiled interval.
 
     Parameters
     ----------

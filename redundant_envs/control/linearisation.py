@@ -20,7 +20,7 @@ from redundant_envs.support.extras import needs
 
 Array = NDArray[np.float64]
 Jacobians = Callable[[Array, Array], tuple[Array, Array]]
-"""Of states x (..., 2 n), q and qd, and efforts u (..., n), N m and N: A (..., 2 n, 2 n) and B (..., 2 n, n)."""
+"""Of states x = (q, qd), (..., 2 n), and efforts (..., n), N m and N: A (..., 2 n, 2 n), B (..., 2 n, n)."""
 STEP = 1e-4  # of differences, rad, m, rad/s, m/s, N m, N: errors of 1e-8 and of the tolerance / STEP
 
 
@@ -28,13 +28,15 @@ def unlimited(scene: Scene) -> Scene:
     """The scene without its limits of efforts, for those who obey them anyway: a cut has no derivative."""
     rest = tuple(x for x in scene.effects if not isinstance(x, EffortLimits))
     if names := tuple(scene.states()):
-        raise ValueError(f"scene has effects with the states {', '.join(names)}; give one whose state is q, qd")
+        raise ValueError(
+            f"scene has effects with the states {', '.join(names)}; give one whose state is q, qd"
+        )
     return dataclasses.replace(scene, effects=rest)
 
 
 def from_torch(scene: Scene) -> Jacobians:
-    """Derivatives from :func:`redundant_envs.torch_step`, of two steps of rk4. MissingPackage without torch; a
-    ValueError for hard stops, dry friction, and effects with states."""
+    """Derivatives from :func:`redundant_envs.torch_step`, of two steps of rk4. MissingPackage without torch;
+    a ValueError for hard stops, dry friction, and effects with states."""
     model = dataclasses.replace(unlimited(scene), integrator="rk4", tolerance=None, substeps=2)
     with needs("train"):
         from redundant_envs.compiler.backends.torch import torch

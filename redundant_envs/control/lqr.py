@@ -1,8 +1,8 @@
 """Linear-quadratic regulator around a pose at rest: the feedback that costs least near it.
 
-With x the departure from the pose and its rates, and u that of the efforts from those that hold it, an interval is
-x' = A x + B u. The feedback u = -K x that minimises the sum of x.Q x + u.R u over all time follows from the least
-positive P of the Riccati equation
+With x the departure from the pose and its rates, and u that of the efforts from those that hold it, an
+interval is x' = A x + B u. The feedback u = -K x that minimises the sum of x.Q x + u.R u over all time
+follows from the least positive P of the Riccati equation
 
     P = Q + A^T P (1 + B R^-1 B^T P)^-1 A,    K = (R + B^T P B)^-1 B^T P A.
 
@@ -29,23 +29,25 @@ def riccati(a: Array, b: Array, q: Array, r: Array) -> Array:
     """P (..., m, m) of A (..., m, m), B (..., m, k), Q (m, m) and R (k, k). ValueError if it does not settle:
     then the efforts do not stabilise the arm, or Q does not see what grows."""
     eye, g, p = np.eye(a.shape[-1]), b @ np.linalg.inv(r) @ b.swapaxes(-1, -2), np.broadcast_to(q, a.shape)
-    for _ in range(ROUNDS):
-        back = np.linalg.inv(eye + g @ p)
-        at = a.swapaxes(-1, -2)
-        grown = at @ p @ back @ a
-        g, a, p = g + a @ back @ g @ at, a @ back @ a, p + grown
-        if not np.isfinite(p).all():
-            break
-        if (np.abs(grown).max(axis=(-1, -2)) <= SETTLED * np.abs(p).max(axis=(-1, -2))).all():
-            return 0.5 * (p + p.swapaxes(-1, -2))
-    raise ValueError("the Riccati equation has no solution; the efforts do not stabilise this pose, or Q is 0")
+    with np.errstate(over="ignore", invalid="ignore"):  # without a solution P has no bound
+        for _ in range(ROUNDS):
+            at, back = a.swapaxes(-1, -2), np.linalg.inv(eye + g @ p)
+            grown = at @ p @ back @ a
+            g, a, p = g + a @ back @ g @ at, a @ back @ a, p + grown
+            if not np.isfinite(p).all():
+                break
+            if (np.abs(grown).max(axis=(-1, -2)) <= SETTLED * np.abs(p).max(axis=(-1, -2))).all():
+                return 0.5 * (p + p.swapaxes(-1, -2))
+    raise ValueError(
+        "the Riccati equation has no solution; the efforts do not stabilise this pose, or Q is 0"
+    )
 
 
 class HoldingLQR:
     """Feedback that holds poses against small disturbances.
 
-    The costs are those of the joints: |positions / 1 rad or 0.25 m|^2 and |rates x settling|^2, both by the same
-    measure, and effort_weight |efforts / limits|^2.
+    The costs are those of the joints: |positions / 1 rad or 0.25 m|^2 and |rates x settling|^2, both by the
+    same measure, and effort_weight |efforts / limits|^2.
 
     Parameters
     ----------
@@ -63,13 +65,17 @@ class HoldingLQR:
         For other scenes and poses, or poses that the efforts do not stabilise.
     """
 
-    def __init__(self, scene: Scene, q: ArrayLike, settling: float = 0.1, effort_weight: float = 0.01) -> None:
+    def __init__(
+        self, scene: Scene, q: ArrayLike, settling: float = 0.1, effort_weight: float = 0.01
+    ) -> None:
         self.limits, self.pose, robot = effort_limits(scene), np.asarray(q, dtype=np.float64), scene.robot
         self.efforts = static_efforts(scene, self.pose)
         joints = self.pose @ robot.motor_map
         for k, (low, high) in stops(scene).items():
             if not ((joints[..., k] > low + STEP) & (joints[..., k] < high - STEP)).all():
-                raise ValueError(f"q has {robot.joints[k]!r} at a stop, {low} or {high} m; give poses between them")
+                raise ValueError(
+                    f"q has {robot.joints[k]!r} at a stop, {low} or {high} m; give poses between them"
+                )
         rest = np.zeros_like(self.pose)
         a, b = from_differences(scene)(np.concatenate([self.pose, rest], axis=-1), self.efforts)
         n, sizes = len(self.limits), np.where(robot.prismatic, 4.0, 1.0)

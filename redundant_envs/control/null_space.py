@@ -3,14 +3,15 @@
 The metric that says which of many motions is smallest is given by its inverse, a symmetric matrix A:
 
 * A = M(q)^-1: dynamically consistent. Of all motions of the tip's velocity the one with the least kinetic
-  energy, and forces N^T Q do not accelerate the tip (O. Khatib, "A unified approach for motion and force control
-  of robot manipulators: the operational space formulation", IEEE J. Robotics and Automation 3(1), 1987).
+  energy, and forces N^T Q do not accelerate the tip (O. Khatib, "A unified approach for motion and force
+  control of robot manipulators: the operational space formulation", IEEE J. Robotics and Automation 3(1),
+  1987).
 * A = :func:`kinematic_mobility`: the least squares of the rates of the joints, radians beside metres that are
   divided by a length (without it the result depends on the unit of length: K. L. Doty et al., "A theory of
   generalized inverses applied to robotics", Int. J. Robotics Research 12(1), 1993).
 
-A joint whose row and column of A are zero stays where it is. Where J A J^T has less than full rank there is no
-inverse, and a ValueError says in how many poses; nothing is damped.
+A joint whose row and column of A are zero stays where it is. Where J A J^T has less than full rank there is
+no inverse, and a ValueError says in how many poses; nothing is damped.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from redundant_envs.robots.arm import Arm
 
 Array = NDArray[np.float64]
 SINGULAR = 1e-6
-"""Ratio of the singular values of J, in the metric, below which a pose is singular: J A J^T has then lost twelve
-of its sixteen digits."""
+"""Ratio of the singular values of J, in the metric, below which a pose is singular: J A J^T has then lost
+twelve of its sixteen digits."""
 
 
 def kinematic_mobility(robot: Arm) -> Array:
@@ -43,16 +44,16 @@ def generalised_inverse(jacobian: ArrayLike, mobility: ArrayLike) -> Array:
     least, *_, most = np.moveaxis(np.linalg.eigvalsh(square), -1, 0)
     if (singular := ~(least > SINGULAR**2 * most)).any():
         raise ValueError(
-            f"jacobian has less than full rank in {singular.sum()} of {singular.size} poses, the first of them "
-            f"{int(np.argmax(singular))}; leave singular poses out, or move less joints to them"
+            f"jacobian has less than full rank in {singular.sum()} of {singular.size} poses, the first "
+            f"of them {int(np.argmax(singular))}; leave singular poses out, or move less joints to them"
         )
     inverse: Array = across @ np.linalg.inv(square)
     return inverse
 
 
 def null_projector(jacobian: ArrayLike, mobility: ArrayLike) -> Array:
-    """N = 1 - A J^T (J A J^T)^-1 J, (..., n, n): J N = 0, N N = N, and J A N^T = 0, so that the forces N^T Q do
-    not accelerate the tip where A = M^-1. ValueError at singular poses."""
+    """N = 1 - A J^T (J A J^T)^-1 J, (..., n, n): J N = 0, N N = N, and J A N^T = 0, so that the forces N^T Q
+    do not accelerate the tip where A = M^-1. ValueError at singular poses."""
     j = np.asarray(jacobian, dtype=np.float64)
     projector: Array = np.eye(j.shape[-1]) - generalised_inverse(j, mobility) @ j
     return projector
@@ -75,12 +76,13 @@ def null_basis(jacobian: ArrayLike, mobility: ArrayLike, row: ArrayLike) -> Arra
     """A basis of the null space of J, (..., n, n - 2), orthonormal in the metric A^-1.
 
     Of three joints it is the cross product of the rows of J, smooth in all poses that are not singular. Of
-    four, the first vector is the projection of A c, the motion in which c . qd grows fastest, and the second is
-    perpendicular to it, on the side of the cross product of the rows of J and N^T c. They are smooth where J has
-    rank 2 and c is no combination of its rows. For RPRP and :func:`posture_row` that is everywhere. For 4R and
-    any c there are such poses, isolated curves in the space of the angles between links: around a singular pose
-    the null spaces are the tangent planes of a sphere, which has no smooth field of tangents without a zero
-    ("hairy ball"). With :func:`posture_row` they are zigzags: cos(theta_k - alpha) = (-1)^k b for some alpha, b.
+    four, the first vector is the projection of A c, the motion in which c . qd grows fastest, and the second
+    is perpendicular to it, on the side of the cross product of the rows of J and N^T c. They are smooth where
+    J has rank 2 and c is no combination of its rows. For RPRP and :func:`posture_row` that is everywhere. For
+    4R and any c there are such poses, isolated curves in the space of the angles between links: around a
+    singular pose the null spaces are the tangent planes of a sphere, which has no smooth field of tangents
+    without a zero ("hairy ball"). With :func:`posture_row` they are zigzags: cos(theta_k - alpha) = (-1)^k b
+    for some alpha, b.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ def null_basis(jacobian: ArrayLike, mobility: ArrayLike, row: ArrayLike) -> Arra
     if j.shape[-2] != 2 or n not in (3, 4):
         raise ValueError(f"jacobian has shape {j.shape}; give (..., 2, 3) or (..., 2, 4)")
     projector = null_projector(j, a)
-    metric = np.linalg.inv(a)
+    metric = np.linalg.inv(a).astype(np.float64)
     if n == 3:
         return _unit(_cross(j), metric)[..., None]
     across = c @ projector  # N^T c
@@ -109,8 +111,8 @@ def null_basis(jacobian: ArrayLike, mobility: ArrayLike, row: ArrayLike) -> Arra
     share = (first * across).sum(axis=-1) / ((a @ c) @ c if a.ndim == 2 else (a @ c * c).sum(axis=-1))
     if (lost := ~(share > SINGULAR**2)).any():
         raise ValueError(
-            f"row is a combination of the rows of jacobian in {lost.sum()} of {lost.size} poses, the first of "
-            f"them {int(np.argmax(lost))}; give another row there"
+            f"row is a combination of the rows of jacobian in {lost.sum()} of {lost.size} poses, the first "
+            f"of them {int(np.argmax(lost))}; give another row there"
         )
     second = _cross(np.concatenate([j, across[..., None, :]], axis=-2))
     return np.stack([_unit(first, metric), _unit(second, metric)], axis=-1)

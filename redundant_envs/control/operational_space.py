@@ -1,14 +1,17 @@
-"""Operational-space control: an acceleration of the tip, and of the joints as far as the tip leaves them free.
+"""Operational-space control: an acceleration of the tip, and of the joints as far as the tip leaves them
+free.
 
-With the tip's equation of motion x'' = J qdd + J' qd, the inertia that the tip feels, L = (J M^-1 J^T)^-1, and
-the dynamically consistent inverse of J, M^-1 J^T L, the generalized forces are
+With the tip's equation of motion x'' = J qdd + J' qd, the inertia that the tip feels, L = (J M^-1 J^T)^-1,
+and the dynamically consistent inverse of J, M^-1 J^T L, the generalized forces are
 
     Q = J^T L (x''_wanted - J' qd) + N^T M qdd_posture + h + G - F,    N = 1 - M^-1 J^T L J
 
-with the forces F of friction, springs and other effects. The second term accelerates the joints and not the tip.
+with the forces F of friction, springs and other effects. The second term accelerates the joints and not the
+tip.
 
-Source: O. Khatib, "A unified approach for motion and force control of robot manipulators: the operational space
-formulation", IEEE J. Robotics and Automation 3(1), 1987, equations 19 to 24, and section VI for redundant arms.
+Source: O. Khatib, "A unified approach for motion and force control of robot manipulators: the operational
+space formulation", IEEE J. Robotics and Automation 3(1), 1987, equations 19 to 24, and section VI for
+redundant arms.
 """
 
 from __future__ import annotations
@@ -27,12 +30,12 @@ Array = NDArray[np.float64]
 
 
 class OperationalSpace:
-    """The controller for an arm and the effects of its scene, which it knows exactly but for dry friction, and
-    states of effects, which it takes at their initial values.
+    """The controller for an arm and the effects of its scene, which it knows exactly but for dry friction,
+    and states of effects, which it takes at their initial values.
 
-    A slider at a stop whose acceleration would lead beyond it stays there: the tip's acceleration is then that of
-    the other joints alone, and the motor leans the slider on the stop as far as that helps. Such sliders are
-    found one after another, and none is released again at the same instant.
+    A slider at a stop whose acceleration would lead beyond it stays there: the tip's acceleration is then
+    that of the other joints alone, and the motor leans the slider on the stop as far as that helps. Such
+    sliders are found one after another, and none is released again at the same instant.
 
     Parameters
     ----------
@@ -42,7 +45,9 @@ class OperationalSpace:
 
     def __init__(self, scene: Scene) -> None:
         if scene.actuation != "joint":
-            raise ValueError(f"scene.actuation is {scene.actuation!r}; efforts are those of joints: use 'joint'")
+            raise ValueError(
+                f"scene.actuation is {scene.actuation!r}; efforts are those of joints: use 'joint'"
+            )
         self.scene, self.stops = scene, stops(scene)
 
     def efforts(

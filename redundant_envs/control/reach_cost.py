@@ -21,7 +21,8 @@ class ReachCost:
 
     Far away the first term grows like d / a, so that no goal outweighs the others; near the goal it is
     quadratic. Before the hold w is small and w_v is 0: the arm may swing. Second derivatives are those of
-    Gauss and Newton, positive semidefinite.
+    Gauss and Newton, positive semidefinite. That v turns with the positions, too, is left out of all
+    derivatives: it vanishes at rest.
 
     Parameters
     ----------
@@ -78,7 +79,10 @@ class ReachCost:
         pull = near / (self.width * root[..., None, None]) * across
         brake = 2.0 * slow * across
         gradient = np.concatenate(
-            [(pull @ error[..., None])[..., 0], (brake @ velocity[..., None])[..., 0] + 2.0 * self.rates * rates @ b.T],
+            [
+                (pull @ error[..., None])[..., 0],
+                (brake @ velocity[..., None])[..., 0] + 2.0 * self.rates * rates @ b.T,
+            ],
             axis=-1,
         )
         second = np.zeros((*gradient.shape, 2 * joints))

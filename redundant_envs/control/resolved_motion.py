@@ -2,20 +2,21 @@
 
     qd = J# (v + k e) + N A g,    J# = A J^T (J A J^T)^-1,    N = 1 - J# J
 
-with the path's velocity v, the tip's distance e from the path, the metric's inverse A (:mod:`null_space`), and
-the gradient g by the coordinates of a quantity that is to grow: the clearance of the links from obstacles,
-manipulability, minus the load of the motors at rest, minus the distance of sliders from the middle of their
-travel. A g is the motion in which it grows fastest.
+with the path's velocity v, the tip's distance e from the path, the metric's inverse A (:mod:`null_space`),
+and the gradient g by the coordinates of a quantity that is to grow: the clearance of the links from
+obstacles, manipulability, minus the load of the motors at rest, minus the distance of sliders from the middle
+of their travel. A g is the motion in which it grows fastest.
 
 Sources: D. E. Whitney, "Resolved motion rate control of manipulators and human prostheses", IEEE Trans.
-Man-Machine Systems 10(2), 1969; A. Liegeois, "Automatic supervisory control of the configuration and behavior of
-multibody mechanisms", IEEE Trans. Systems, Man, and Cybernetics 7(12), 1977 (the gradient in the null space, and
-the middle of the travel); A. A. Maciejewski and C. A. Klein, "Obstacle avoidance for kinematically redundant
-manipulators in dynamically varying environments", Int. J. Robotics Research 4(3), 1985 (obstacles).
+Man-Machine Systems 10(2), 1969; A. Liegeois, "Automatic supervisory control of the configuration and behavior
+of multibody mechanisms", IEEE Trans. Systems, Man, and Cybernetics 7(12), 1977 (the gradient in the null
+space, and the middle of the travel); A. A. Maciejewski and C. A. Klein, "Obstacle avoidance for kinematically
+redundant manipulators in dynamically varying environments", Int. J. Robotics Research 4(3), 1985 (obstacles).
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -27,7 +28,7 @@ from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 Gradient = Callable[[Array], Array]
-"""Of q (..., n) the gradient by q, (..., n), of what is to grow, times a weight: per s where it is without unit."""
+"""Of q (..., n) the gradient by q, (..., n), of what is to grow, times a weight."""
 STEP = 1e-5  # of central differences, rad and m: its square and rounding / STEP are both below 1e-9
 
 
@@ -91,12 +92,12 @@ class ResolvedMotion:
         self.mobility = mobility or (lambda q: fixed)
 
     def rates(self, q: ArrayLike, point: ArrayLike, velocity: ArrayLike) -> Array:
-        """qd (..., n), rad/s and m/s, at poses q (..., n) for points of paths (..., 2), m, and their velocities,
-        m/s. ValueError at singular poses: there no rates lead along every path."""
+        """qd (..., n), rad/s and m/s, at poses q (..., n) for points of paths (..., 2), m, and their
+        velocities, m/s. ValueError at singular poses: there no rates lead along every path."""
         place, b = np.asarray(q, dtype=np.float64), self.robot.motor_map
         inverse, joints = np.linalg.inv(b), place @ b
         jacobian = self.robot.jacobian(place) @ inverse.T  # by the joints, so that a slider is an entry
-        wish = np.asarray(velocity) + self.gain * (point - self.robot.forward_kinematics(place))
+        wish = np.asarray(velocity) + self.gain * (np.asarray(point) - self.robot.forward_kinematics(place))
         pull = sum((term(place) for term in self.terms), np.zeros_like(place)) @ inverse.T
         mobility = np.broadcast_to(b.T @ self.mobility(place) @ b, (*place.shape, place.shape[-1]))
         free = np.ones(place.shape, dtype=np.bool_)
@@ -117,11 +118,12 @@ class ResolvedMotion:
 
     def follow(self, q: ArrayLike, path: ArrayLike, interval: float) -> Array:
         """Poses (T, ..., n) from the start q (..., n) for the points of a path (T, ..., 2), m, that are an
-        interval [s] apart, by Euler's method; a slider that reaches an end of its travel stops exactly there."""
+        interval [s] apart, by Euler's method; a slider that reaches an end of its travel stops exactly
+        there."""
         points = np.asarray(path, dtype=np.float64)
         b = self.robot.motor_map
         inverse, poses = np.linalg.inv(b), [np.asarray(q, dtype=np.float64)]
-        for point, after in zip(points[:-1], points[1:], strict=True):
+        for point, after in itertools.pairwise(points):
             joints = (poses[-1] + interval * self.rates(poses[-1], point, (after - point) / interval)) @ b
             for k, (low, high) in self.stops.items():
                 joints[..., k] = np.clip(joints[..., k], low, high)
