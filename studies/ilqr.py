@@ -5,7 +5,7 @@ with its feedback, and success is the task's."""
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from redundant_envs.model.batch import BatchSimulator
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
+from redundant_envs.support.tables import markdown
 from redundant_envs_train.rollout import EVALUATION_SEED, run_episodes
 from redundant_envs_train.statistics import wilson
 from studies.strength import ARMS, goal_loads, weakened
@@ -95,6 +96,16 @@ class Arena:
                 if not len(lanes):
                     break
         return held, last
+
+
+def ilqr_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows of :func:`run`, or of its CSV file, in percent."""
+    columns = ("can_be_held", "ilqr", "ilqr_of_those", "ilqr_of_others")
+    lines = [
+        (r["arm"], f"{float(r['factor']):g}", *(f"{100 * float(r[c]):.0f} %" if r[c] else "-" for c in columns))
+        for r in rows
+    ]
+    return markdown(("arm", "limits times", "can be held at rest", "iLQR", "of those", "of the others"), lines)
 
 
 def run(arms: Sequence[str], goals: int, factors: Sequence[float] = FACTORS) -> list[dict[str, Any]]:
