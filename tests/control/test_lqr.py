@@ -52,6 +52,17 @@ def test_it_returns_to_the_pose_and_costs_less_than_any_plain_pd(name):
     assert cost.mean() < 0.9 * best.mean()
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_no_other_feedback_costs_less(name):
+    scene, pose = SCENES[name], np.array(POSES[name])
+    controller = HoldingLQR(scene, pose)
+    q, gain = pose + 1e-3 * np.random.default_rng(0).normal(size=(8, 4)), controller.gain
+    least, _ = cost_of(scene, controller, controller.action, q)
+    for other in (0.8 * gain, 1.2 * gain, np.roll(gain, 1, axis=1) * 0.02 + gain):
+        controller.gain = other
+        assert (cost_of(scene, controller, controller.action, q)[0] > least).all()
+
+
 def test_the_riccati_equation_is_solved_of_a_batch():
     rng = np.random.default_rng(1)
     a, b = rng.normal(size=(5, 6, 6)), rng.normal(size=(5, 6, 2))

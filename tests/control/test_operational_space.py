@@ -31,6 +31,16 @@ def accelerations(scene, q, qd, efforts):
 
 
 @pytest.mark.parametrize("arm", ARMS)
+def test_the_equations_of_the_model_give_the_wanted_acceleration_exactly(arm):
+    robot, rng = ARMS[arm], np.random.default_rng(1)
+    q, qd, wanted, posture = (rng.uniform(-1.0, 1.0, (30, k)) for k in (4, 4, 2, 4))
+    efforts = OperationalSpace(rde.Scene(robot, (e.Gravity(9.0),))).efforts(q, qd, wanted, posture)
+    qdd = robot.forward_dynamics(q, qd, efforts @ robot.motor_map.T, g=9.0)
+    tip = (robot.jacobian(q) @ qdd[..., None])[..., 0] + robot.jacobian_dot_qd(q, qd)
+    np.testing.assert_allclose(tip, wanted, atol=1e-11)
+
+
+@pytest.mark.parametrize("arm", ARMS)
 def test_the_tip_accelerates_as_wanted_whatever_the_posture_does(arm):
     scene, rng = scene_of(arm), np.random.default_rng(0)
     q, qd, wanted, posture = (rng.uniform(-1.0, 1.0, (30, k)) for k in (4, 4, 2, 4))
