@@ -100,12 +100,13 @@ class Arena:
 
 def ilqr_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Rows of :func:`run`, or of its CSV file, in percent."""
-    columns = ("can_be_held", "ilqr", "ilqr_of_those", "ilqr_of_others")
-    lines = [
-        (r["arm"], f"{float(r['factor']):g}", *(f"{100 * float(r[c]):.0f} %" if r[c] else "-" for c in columns))
-        for r in rows
-    ]
-    return markdown(("arm", "limits times", "can be held at rest", "iLQR", "of those", "of the others"), lines)
+    shares = {"can_be_held": "can be held at rest", "ilqr": "iLQR", "ilqr_of_those": "of those"}
+    shares["ilqr_of_others"] = "of the others"
+    lines = []
+    for row in rows:
+        cells = ("-" if row[c] in (None, "") else f"{100 * float(row[c]):.0f} %" for c in shares)
+        lines.append((row["arm"], f"{float(row['factor']):g}", *cells))
+    return markdown(("arm", "limits times", *shares.values()), lines)
 
 
 def run(arms: Sequence[str], goals: int, factors: Sequence[float] = FACTORS) -> list[dict[str, Any]]:
