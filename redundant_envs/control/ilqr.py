@@ -71,14 +71,17 @@ def ilqr_plan(scene: Scene, cost: ReachCost, q: Array, qd: Array, actions: Array
     Raises
     ------
     ValueError
-        If the scene has effects other than those above, or a first motion has no finite cost.
+        If the scene has effects other than those above, actions are not as above, or a first motion
+        has no finite cost.
     MissingPackage
         Without torch, of a scene without hard stops.
     """
     limits, lanes = effort_limits(scene), len(q)
     jacobians = (from_differences if stops(scene) else from_torch)(scene)
     batch = BatchSimulator(unlimited(scene), len(SHARES) * lanes)
-    start = np.concatenate([q, qd], axis=-1)
+    start, shape = np.concatenate([q, qd], axis=-1), (lanes, len(limits))
+    if actions.ndim != 3 or actions.shape[1:] != shape or not (np.abs(actions) <= 1.0).all():
+        raise ValueError(f"actions has shape {actions.shape}; give (T, {lanes}, {len(limits)}) from -1 to 1")
     gains = np.zeros((*actions.shape, start.shape[-1]))
     plan = Plan(np.tile(start, (len(actions) + 1, 1, 1)), actions, gains, np.full(lanes, np.inf))
     plan = _tried(batch, limits, cost, plan, np.zeros_like(actions))

@@ -70,6 +70,9 @@ class HoldingLQR:
     ) -> None:
         self.limits, self.pose, robot = effort_limits(scene), np.asarray(q, dtype=np.float64), scene.robot
         self.efforts = static_efforts(scene, self.pose)
+        if not (np.abs(self.efforts) < self.limits).all():
+            most = (np.abs(self.efforts) / self.limits).max()
+            raise ValueError(f"q has a pose that needs {most:.3g} times its limits of efforts; give others")
         joints = self.pose @ robot.motor_map
         for k, (low, high) in stops(scene).items():
             if not ((joints[..., k] > low + STEP) & (joints[..., k] < high - STEP)).all():

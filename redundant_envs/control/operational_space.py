@@ -31,7 +31,8 @@ Array = NDArray[np.float64]
 
 class OperationalSpace:
     """The controller for an arm and the effects of its scene, which it knows exactly but for dry friction,
-    and states of effects, which it takes at their initial values.
+    and states of effects, which it takes at their initial values. What acts between a command and its motor,
+    delays, lags, limits, it does not know.
 
     A slider at a stop whose acceleration would lead beyond it stays there: the tip's acceleration is then
     that of the other joints alone, and the motor leans the slider on the stop as far as that helps. Such

@@ -117,6 +117,10 @@ def test_other_scenes_and_starts_are_refused():
     cost, q = ReachCost(FOUR_R.robot, np.zeros((1, 2)), 5), np.zeros((1, 4))
     with pytest.raises(ValueError, match="EffortLimits"):
         ilqr_plan(rde.Scene(FOUR_R.robot), cost, q, q, np.zeros((10, 1, 4)))
+    with pytest.raises(ValueError, match=r"shape \(10, 2, 4\); give \(T, 1, 4\)"):
+        ilqr_plan(FOUR_R, cost, q, q, np.zeros((10, 2, 4)))
+    with pytest.raises(ValueError, match=r"from -1 to 1"):
+        ilqr_plan(FOUR_R, cost, q, q, np.full((10, 1, 4), 1.5))
     with pytest.raises(ValueError, match=r"states .* give"):
         unlimited(
             dataclasses.replace(

@@ -99,6 +99,7 @@ def test_a_slider_at_rest_on_its_stop_stays_there():
     [
         (RPRP, [1.0, 0.0, 0.3, 0.1], "'r1' at a stop, 0.0 or 0.25"),
         (rde.Scene(FOUR_R.robot), np.zeros(4), "EffortLimits"),
+        (rde.load_scene("four_r_weak"), np.zeros(4), "1.23 times its limits"),
         (dataclasses.replace(FOUR_R, effects=(*FOUR_R.effects, LUGRE)), np.zeros(4), "states .* give"),
     ],
 )
