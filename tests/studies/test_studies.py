@@ -24,6 +24,7 @@ from studies import (
     accuracy_report,
     effects,
     environments,
+    ilqr,
     stops,
     throughput,
 )
@@ -91,6 +92,19 @@ def test_every_effect_of_the_package_has_an_entry_and_is_timed_beside_a_bare_arm
     assert every["rprp_reach"] == (rde.load_scene("rprp_reach"), every["bare RPRP"].scene)
     some = effects.pairs_of(STUDY, ["Gravity", "rprp_stops"])
     assert [*some] == ["bare FourR", "Gravity", "rprp_stops"]
+
+
+@pytest.mark.long
+def test_the_study_of_ilqr_judges_by_the_environment_and_continues_from_stronger_motors(monkeypatch):
+    monkeypatch.setattr(ilqr, "STAGES", 1)
+    monkeypatch.setattr(ilqr, "ROUNDS", 3)
+    strong, weak = ilqr.run(["RPRP"], 6, (0.6, 0.3))
+    assert tuple(strong) == ilqr.COLUMNS
+    assert strong["can_be_held"] == 1.0
+    assert strong["ilqr"] == strong["ilqr_of_those"] >= 0.8 > weak["ilqr"]
+    assert "| RPRP | 0.6 | 100 % | " in ilqr.ilqr_table([strong, weak])
+    with pytest.raises(ValueError, match="arm is '3R'; choose 4R or RPRP"):
+        ilqr.run(["3R"], 6)
 
 
 @pytest.mark.long
