@@ -462,7 +462,7 @@ class Renderer:
         def read(names: Sequence[str]) -> NDArray[np.float64]:
             return core.memory.read(tuple(names), index)[0]
 
-        q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.actions))
+        q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.episode.efforts))
         present = parameters.present(core.memory, index, scene.parameters())
         states = tuple(core.memory.dynamics.effect_states)
         known = {name: float(x[0]) for name, x in present.items()}

@@ -9,7 +9,7 @@ from typing import Any
 
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.language import algebra
-from redundant_envs.language.algebra import logical_not, maximum, minimum, total, where
+from redundant_envs.language.algebra import logical_not, maximum, minimum, numbered, total, where
 from redundant_envs.language.quantities import Quantities, check_names
 from redundant_envs.scenes.numbers import ends_of, entries_of
 from redundant_envs.scenes.ranges import Range
@@ -48,7 +48,11 @@ class Episode:
         dynamics, scene = interval.dynamics, interval.dynamics.scene
         self.interval, self.task, self.dynamics, self.arm = interval, task, dynamics, dynamics.arm
         self.features = interval.features
-        self.actions = tuple(f"action{k + 1}" for k in range(dynamics.count))
+        self.actions = tuple(f"action{k + 1}" for k in range(len(dynamics.commands)))
+        self.controlled = scene.effort_units()
+        self.efforts = tuple(f"effort_share{k + 1}" for k in range(len(self.controlled))) or self.actions
+        """Fields of the efforts that pictures show, and that functions of the task take as action1, ...: the
+        actions, or what the controller of a mode of actions asks for at the end of a step."""
         starts = (f"u{k + 1}" for k in range(dynamics.count))
         self.draws = (*starts, *(f"draw{k + 1}" for k in range(task.draws)))
         """Uniform draws of an episode: of the start of each joint, then those of the task."""
@@ -97,6 +101,8 @@ class Episode:
         yield from engine(*self.counts[len(self.returns) :], *ENDS)
         yield from variables(task.held_outputs, "held output", STATE, owner=owner)
         yield from variables(self.actions, "action in [-1, 1] of the last step, which pictures show", STATE)
+        if self.controlled:
+            yield from variables(self.efforts, "effort at the end of the last step, as a share of its limit", STATE)
         yield from variables(self.draws, "uniform draw in (0, 1)")
         yield from self.randomized.fields()
         yield from engine("resetting")
@@ -120,7 +126,18 @@ class Episode:
     def quantities_now(self, lane: Lane) -> Quantities:
         """The same after an interval."""
         states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
-        return self.quantities(lane, lane.values((*states, *self.task.memory, *self.actions)))
+        known = lane.values((*states, *self.task.memory, *self.actions))
+        if self.controlled:
+            known |= zip(numbered("action{}", len(self.efforts)), self.efforts_asked(lane, known), strict=True)
+        return self.quantities(lane, known)
+
+    def efforts_asked(self, lane: Lane, known: Mapping[str, Any]) -> list[Any]:
+        """Efforts that the controller of a mode of actions asks for at the end of an interval, as shares."""
+        commands = lane.values(self.dynamics.commands) | dict.fromkeys(self.dynamics.passed, 0.0)
+        x = self.quantities(lane, {**known, **commands})
+        self.dynamics.set_field(x)
+        efforts = self.dynamics.scene.attached.efforts_behind(self.controlled[0].rpartition(".")[0], x)
+        return [effort / lane[limit] for effort, limit in zip(efforts, self.controlled, strict=True)]
 
     # ---- a control step --------------------------------------------------------------------------------
 
@@ -171,6 +188,8 @@ class Episode:
         if taking:
             x["ended"] = code
             x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
+        if self.controlled:
+            lane.set(self.efforts, x.each(numbered("action{}", len(self.efforts))))
         lane.reward = total(x.each(self.terms))
         for t in self.terms:
             lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]
