@@ -486,6 +486,10 @@ class Effect:
         joint; () of all other effects. Rewards and pictures show these efforts in place of actions."""
         return ()
 
+    def taken_per_effort(self, arm: Arm) -> tuple[float, ...]:
+        """What the motors need for an effort of 1 at rest, of an effect whose links take no effort; else ()."""
+        return ()
+
     def shared_commands(self, arm: Arm) -> tuple[str, ...]:
         """Units of the commands that its links at all joints share, at most one for each joint; () if each
         motor has a command of its own. Their functions take them as ``command1``, ``command2``, ...; links in

@@ -6,10 +6,11 @@ A mode says which rates of the joints its commands want; :class:`InnerControl` t
 import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
-from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, effort_unit
-from redundant_envs.effects.numbers import Numbers, each_joint, one, positive
+from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, effort_unit, snake_case
+from redundant_envs.effects.numbers import Numbers, each_joint, not_negative, one, positive
+from redundant_envs.effects.viscous_friction import ViscousFriction
 from redundant_envs.language.algebra import entries, numbered, physics, sqrt, total
 from redundant_envs.language.dual import is_zero
 from redundant_envs.robots.derived import coordinate_rates
@@ -31,6 +32,13 @@ def bend(wanted, limits):
     return wanted * flat / sqrt(flat * flat + 4.0 * square * square * square)
 
 
+def usual_speeds(arm: Arm) -> tuple[float, ...]:
+    first = arm.prismatic.index(False) if False in arm.prismatic else None
+    return tuple(
+        SLIDER_SPEED if slides else FIRST_SPEED if k == first else SPEED for k, slides in enumerate(arm.prismatic)
+    )
+
+
 class Wanted(NamedTuple):
     """Rates of the joints that a mode wants."""
 
@@ -42,21 +50,21 @@ class Wanted(NamedTuple):
 @functools.lru_cache(maxsize=256)
 def effort_at(arm: Any, joint: int, wanted: Wanted, converts: bool) -> Callable[..., Any]:
     """The function that gives the effort of a joint of an arm's class: with qd = T u of the rates u of the
-    joints, T^T (M T a + h + G) bent into the limits, where a = gain (wanted - u)."""
+    joints, T^T (M T a + h + G) + friction wanted bent into the limits, where a = gain (wanted - u)."""
     n, T = len(arm.joints), coordinate_rates(arm)
-    own = ("gain", "limits", *(["per_effort"] * converts))
+    own = ("gain", "limits", "friction", *(["per_effort"] * converts))
     motion = (*numbered("phid{}", n), *entries("M", n, n), *numbered("h{}", n), *numbered("G{}", n))
 
     @physics(takes=(*own, *motion, *wanted.takes))
-    def effort(gain, limits, *values):
+    def effort(gain, limits, friction, *values):
         factor, values = (values[0], values[1:]) if converts else (None, values)
         M, forces, taken = values[n : n + n * n], values[n + n * n : 3 * n + n * n], values[3 * n + n * n :]
-        pairs = zip(wanted.rates(*taken), values, strict=False)
-        a = [gain * (rate - present) for rate, present in pairs]
+        rates = wanted.rates(*taken)
+        a = [gain * (rate - present) for rate, present in zip(rates, values, strict=False)]
         qdd = [sum_of(zip(row, a, strict=True)) for row in T.tolist()]
         inertial = [sum_of(zip(M[n * i : n * i + n], qdd, strict=True)) for i in range(n)]
         Q = [inertial[i] + (forces[i] + forces[n + i]) for i in range(n)]
-        effort = sum_of(zip(T[:, joint].tolist(), Q, strict=True))
+        effort = sum_of(zip(T[:, joint].tolist(), Q, strict=True)) + friction * rates[joint]
         return bend(effort if factor is None else factor * effort, limits)
 
     return effort  # type: ignore[no-any-return]
@@ -77,10 +85,11 @@ def sum_of(pairs: Iterable[tuple[Any, Any]]) -> Any:
 class InnerControl(Effect):
     """Base of the modes of actions: a controller of the rates of the joints, by computed torque.
 
-    The efforts are T^T (M qdd + h + G) for joint accelerations of ``gain`` times what the rates lack, bent
-    smoothly into the limits: continuous in time, without memory, so nothing winds up at a stop. It knows the
-    true masses of the environment, with what effects add to the arm, the field and the motion; it knows no
-    friction, no spring and no contact, and counts a joint at its stop as free.
+    The efforts are those of the equations of motion for joint accelerations of ``gain`` times what the rates
+    lack, and those that the wanted rates need against ``friction``, bent smoothly into the limits: continuous in
+    time, without memory, so nothing winds up at a stop. It knows the true masses of the environment, with what
+    effects add to the arm, the field and the motion; it knows no other friction, no spring and no contact, and
+    counts a joint at its stop as free.
 
     Parameters
     ----------
@@ -88,6 +97,8 @@ class InnerControl(Effect):
         1/s, positive: the rates decay to what is wanted with the time constant 1/gain.
     limits : float or sequence of one for each joint
         Most that it asks of each motor, N m or N, or what the motor takes; positive.
+    friction : float or sequence of one for each joint, default 0
+        Viscous friction of the joints that it knows, N m s/rad (revolute) or N s/m (prismatic), not negative.
     per_effort : float or sequence of one for each joint, optional
         What a motor that takes no effort needs for one, such as V per N m; positive.
     gives : str, default ""
@@ -96,12 +107,13 @@ class InnerControl(Effect):
 
     gain: float = field(metadata=one(positive, "1/s"))
     limits: float | Numbers = field(metadata=each_joint(positive))
+    friction: float | Numbers = field(
+        default=0.0, kw_only=True, metadata=each_joint(not_negative, "N m s/rad", "N s/m")
+    )
     per_effort: float | Numbers | None = field(default=None, kw_only=True, metadata=each_joint(positive))
     gives: str = field(default="", kw_only=True)
 
     static = ("gives",)
-    modes: ClassVar[str] = "name of the argument ``action``"
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if bool(self.gives) != (self.per_effort is not None):
@@ -111,8 +123,26 @@ class InnerControl(Effect):
             )
 
     @classmethod
-    def for_scene(cls, scene: Any, **numbers: Any) -> Self:
-        """The mode that ``action=`` adds to a scene: its limits are those of the motors."""
+    def for_scene(cls, scene: Any) -> Self:
+        """The mode that ``action=`` adds to a scene: its limits are those of the motors; ValueError if they
+        take something else than efforts, and no effect says how much of it for one."""
+        arm, values, units = scene.robot, scene.parameters(), scene.command_units()
+        friction = (e.coefficients for e in scene.effects if isinstance(e, ViscousFriction))
+        limits = tuple(values[name] for name in scene.action_units())
+        numbers: dict[str, Any] = {"gain": GAIN, "limits": limits, "friction": next(friction, 0.0)}
+        if units != tuple(effort_unit(arm, k) for k in range(len(units))):
+            found = (effect.taken_per_effort(arm) for effect in scene.effects)
+            numbers |= {"per_effort": next((x for x in found if x), None), "gives": units[0]}
+            if numbers["per_effort"] is None or len({*units}) > 1:
+                raise ValueError(
+                    f"action is {snake_case(cls.__name__)!r}, and the motors of the scene take {units}; put a "
+                    f"{cls.__name__} with per_effort and gives into its effects"
+                )
+        return cls(**numbers, **cls.defaults(scene))
+
+    @classmethod
+    def defaults(cls, scene: Any) -> dict[str, Any]:
+        """The other numbers of the mode for a scene."""
         raise NotImplementedError
 
     def wanted(self, arm: Arm) -> Wanted:
@@ -120,8 +150,8 @@ class InnerControl(Effect):
         raise NotImplementedError
 
     def takes(self, arm: Arm, joint: int) -> str:
-        """Unit of the command of a joint; "" for shared commands."""
-        return ""
+        """Unit of what the link of a joint takes."""
+        raise NotImplementedError
 
     def links(self, arm: Arm) -> tuple[Hook, ...]:
         wanted, gives = self.wanted(arm), self.gives

@@ -1,10 +1,11 @@
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Hook
-from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints
+from redundant_envs.effects.inner_control import GAIN, InnerControl, Wanted, of_joints, usual_speeds
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, one, positive, strengths
 from redundant_envs.language.algebra import numbered, sqrt
 
@@ -53,6 +54,16 @@ class JointPosition(InnerControl):
             "speeds": 3.0,
         }
     )  # fmt: skip
+
+    @classmethod
+    def defaults(cls, scene: Any) -> dict[str, Any]:
+        middle, spans, values = [0.0] * len(scene.robot.joints), [math.pi] * len(scene.robot.joints), scene.parameters()
+        for k, (low, high) in scene.travel().items():
+            ends = values[low], values[high]
+            if all(map(math.isfinite, ends)):
+                middle[k], spans[k] = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])
+        speeds = usual_speeds(scene.robot)
+        return {"middle": tuple(middle), "spans": tuple(spans), "stiffness": GAIN / 4.0, "speeds": speeds}
 
     def wanted(self, arm: Arm) -> Wanted:
         n = len(arm.joints)

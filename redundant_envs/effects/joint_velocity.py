@@ -1,7 +1,8 @@
 from dataclasses import dataclass, field
+from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Hook
-from redundant_envs.effects.inner_control import InnerControl, Wanted
+from redundant_envs.effects.inner_control import InnerControl, Wanted, usual_speeds
 from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
 from redundant_envs.language.algebra import numbered
 
@@ -23,6 +24,10 @@ class JointVelocity(InnerControl):
     speeds: float | Numbers = field(metadata=each_joint(positive, "rad/s", "m/s"))
 
     example = Example({"gain": 25.0, "limits": (20.0, 12.0, 8.0, 4.0), "speeds": 3.0})
+
+    @classmethod
+    def defaults(cls, scene: Any) -> dict[str, Any]:
+        return {"speeds": usual_speeds(scene.robot)}
 
     def wanted(self, arm: Arm) -> Wanted:
         return Wanted(commanded, tuple(numbered("command{}", len(arm.joints))))

@@ -1,4 +1,5 @@
 import functools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -6,7 +7,7 @@ from typing import Any
 from redundant_envs.effects.hooks import Arm, Hook
 from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints, sum_of
 from redundant_envs.effects.numbers import Example, Numbers, each_axis, each_joint, one, positive, strengths
-from redundant_envs.effects.tip_velocity import gram, scaled_jacobian, towards
+from redundant_envs.effects.tip_velocity import TipVelocity, gram, scaled_jacobian, towards
 from redundant_envs.language.algebra import entries, numbered, sqrt
 
 
@@ -27,6 +28,16 @@ def across(a: Sequence[Any], b: Sequence[Any], x: Sequence[Any]) -> list[Any]:
         d24 * x1 - d14 * x2 + d12 * x4,
         d13 * x2 - d23 * x1 - d12 * x3,
     ]
+
+
+def usual_direction(arm: Arm) -> tuple[float, ...]:
+    """x of a mode that ``action=`` adds: the first slider, or of revolute joints a row that alternates, which
+    the tip's rows, smooth along the arm, hardly have. In 5 % of random poses P x is shorter than 0.34 of 4R."""
+    n, sliders = len(arm.joints), arm.sliders()
+    if sliders:
+        return tuple(float(k == sliders[0]) for k in range(n))
+    row = [math.cos(math.pi * (k + 0.5) * (n - 1) / n) for k in range(n)]
+    return tuple(round(x / math.hypot(*row), 6) for x in row)
 
 
 @functools.lru_cache(maxsize=64)
@@ -88,6 +99,12 @@ class TipAndPosture(InnerControl):
         }
     )  # fmt: skip
 
+    @classmethod
+    def defaults(cls, scene: Any) -> dict[str, Any]:
+        arm = scene.robot
+        direction = usual_direction(arm) if len(arm.joints) == 4 else None
+        return {**TipVelocity.defaults(scene), "posture": 1.0, "direction": direction}
+
     def shared_commands(self, arm: Arm) -> tuple[str, ...]:
         return "m/s", "m/s", *[""] * (len(arm.joints) - 2)
 
@@ -96,6 +113,9 @@ class TipAndPosture(InnerControl):
         numbers = (*(of_joints("direction", n) if n == 4 else ()), *of_joints("speeds", n))
         takes = ("damping", *numbered("command{}", n), *(name for name, _ in numbers), *entries("J", 2, n))
         return Wanted(rates_for_both(type(arm)), takes, numbers)
+
+    def takes(self, arm: Arm, joint: int) -> str:
+        return "m/s"
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         n = len(arm.joints)

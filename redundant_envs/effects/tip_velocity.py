@@ -4,10 +4,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Hook
-from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints, sum_of
+from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints, sum_of, usual_speeds
 from redundant_envs.effects.numbers import Example, Numbers, each_axis, each_joint, one, positive
 from redundant_envs.language.algebra import entries, sqrt
 from redundant_envs.robots.derived import coordinate_rates
+
+TIP_SPEED = 1.0
+"""m/s along an axis of a mode that ``action=`` adds: most poses of the reach scenes allow it within the speeds of
+the joints."""
+DAMPING = 0.1
+"""m/s, of such a mode. In random poses the smaller singular value of the Jacobian, in m/s per share of a speed, is
+below 0.3 in 1 % with the arm 4R, where the tip is 10 % slower, and above 0.98 in all of RPRP."""
 
 
 def scaled_jacobian(arm: Any, jacobian: Sequence[Any], speeds: Sequence[Any]) -> list[list[Any]]:
@@ -84,6 +91,10 @@ class TipVelocity(InnerControl):
         {"gain": 25.0, "limits": (20.0, 12.0, 8.0, 4.0), "speeds": 3.0, "tip_speeds": 1.0, "damping": 0.1}
     )
 
+    @classmethod
+    def defaults(cls, scene: Any) -> dict[str, Any]:
+        return {"speeds": usual_speeds(scene.robot), "tip_speeds": (TIP_SPEED,) * 2, "damping": DAMPING}
+
     def shared_commands(self, arm: Arm) -> tuple[str, ...]:
         return "m/s", "m/s"
 
@@ -92,6 +103,9 @@ class TipVelocity(InnerControl):
         speeds = of_joints("speeds", n)
         takes = ("damping", "command1", "command2", *(name for name, _ in speeds), *entries("J", 2, n))
         return Wanted(rates_for_tip(type(arm)), takes, speeds)
+
+    def takes(self, arm: Arm, joint: int) -> str:
+        return "m/s"
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         if len(arm.joints) < 2:

@@ -9,6 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.effects import REGISTRY as EFFECTS
+from redundant_envs.effects.hooks import snake_case
+from redundant_envs.effects.inner_control import InnerControl
+from redundant_envs.envs.registration import check_motors
 from redundant_envs.language.algebra import arguments_of
 from redundant_envs.scenes.numbers import check_ranges, ends_of, entries_of, names_of
 from redundant_envs.scenes.scene import Scene
@@ -87,6 +91,25 @@ def episode_limit(max_steps: Any) -> float:
             f"max_episode_steps is {shown(max_steps)}; give a whole number of at least 1, or -1 for no limit"
         )
     return float(max_steps)
+
+
+def with_mode(scene: Scene, action: Any) -> Scene:
+    """The scene with the mode of actions that ``action`` names, unless it has this one; None is its own.
+    ValueError if it has another one, or the mode does not fit it."""
+    modes = {snake_case(n): kind for n, kind in EFFECTS.items() if issubclass(kind, InnerControl)}
+    if action is not None and action != "effort" and (not isinstance(action, str) or action not in modes):
+        valid = ", ".join(("effort", *sorted(modes)))
+        raise ValueError(f"action is {shown(action)}; choose {valid}, or None for that of the scene")
+    there = next((snake_case(type(e).__name__) for e in scene.effects if e.effort_units(scene.robot)), "effort")
+    if action is None or action == there:
+        return scene
+    if there != "effort":
+        raise ValueError(
+            f"action is {action!r}, and the scene has an effect whose actions are {there!r}; leave action out, or "
+            "the effect"
+        )
+    check_motors(scene)
+    return dataclasses.replace(scene, effects=(*scene.effects, modes[action].for_scene(scene)))
 
 
 def simulated(scene: Scene, task: Task, randomize: Any) -> Scene:

@@ -71,9 +71,10 @@ class Core(Copied):
         observe_parameters: Sequence[str] = (),
         info_keys: Any = None,
         autoreset: Autoreset = Autoreset.DISABLED,
+        action: str | None = None,
     ) -> None:
         self.autoreset = autoreset
-        self.scene = scene_at(scene, accuracy)
+        self.scene = arguments.with_mode(scene_at(scene, accuracy), action)
         self.task: Any = task  # its numbers are its own
         check_motors(self.scene)
         check_arm(env_id, self.scene.robot.kind)

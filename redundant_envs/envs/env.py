@@ -41,6 +41,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
+        action: str | None = None,
         render_width: int = PICTURE_SIZE,
         render_height: int = PICTURE_SIZE,
     ) -> None:
@@ -51,7 +52,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
             display()  # a missing package or display is reported at once, not at the first step
         core = Core(
             scene, 1, make_task(task, self.task_name), None, accuracy, self.env_id,
-            randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys,
+            randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys, action=action,
         )  # fmt: skip
         self.observation_space, self.action_space = self._take(core)
         self._operation: KernelCall | None = None  # kind of step; None if the next call has to be a reset
@@ -94,7 +95,8 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         self._operation = KernelCall.CHECKED_STEP if self.on_bad_action == "raise" else KernelCall.STEP
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One control step; the action is (joints,) in [-1, 1], in units of the effort limits."""
+        """One control step; the action is (actions,) in [-1, 1], in units of ``scene.action_units()``: by
+        default (joints,) in units of the effort limits."""
         if self._operation is None:
             when = "after the end of the episode" if self.core.begun_all else "before reset"
             raise gym.error.ResetNeeded(f"step was called {when}; call reset() first")

@@ -141,8 +141,8 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         Monitor does. Without it, wrap the result in a VecMonitor to have them.
     **kwargs
         Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode and sizes,
-        max_episode_steps, randomize, observe_parameters, info_keys (all by default, because they are read
-        at the ends of episodes); and threads, over blocks of 8 environments.
+        max_episode_steps, randomize, observe_parameters, action, info_keys (all by default, because they are
+        read at the ends of episodes); and threads, over blocks of 8 environments.
     """
     num_envs = whole_number("num_envs", num_envs)
     if not isinstance(env_id, str):
