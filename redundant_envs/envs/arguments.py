@@ -16,9 +16,11 @@ from redundant_envs.envs.registration import check_motors
 from redundant_envs.language.algebra import arguments_of
 from redundant_envs.scenes.numbers import check_ranges, ends_of, entries_of, names_of
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.support.values import shown
+from redundant_envs.support.values import check_between, shown, whole_number
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
 
+MOST_STEPS = 1000
+"""Most control steps of a decision: a call of all of them takes as long as so many steps, and cannot be shorter."""
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 
 
@@ -91,6 +93,13 @@ def episode_limit(max_steps: Any) -> float:
             f"max_episode_steps is {shown(max_steps)}; give a whole number of at least 1, or -1 for no limit"
         )
     return float(max_steps)
+
+
+def decision(decide_every: Any) -> int:
+    """Control steps of a decision, from ``decide_every``."""
+    steps = whole_number("decide_every", decide_every)
+    check_between("decide_every", steps, 1, MOST_STEPS)
+    return steps
 
 
 def with_mode(scene: Scene, action: Any) -> Scene:

@@ -19,7 +19,7 @@ from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, alone
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.scenes.scene import Scene, scene_at
-from redundant_envs.simulator.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, KernelCall
+from redundant_envs.simulator.batch.environment import BEGUN, DECISION, DUE, EPISODE_KEY, Autoreset, KernelCall
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
 from redundant_envs.simulator.lane.fields import Layout
@@ -72,7 +72,9 @@ class Core(Copied):
         info_keys: Any = None,
         autoreset: Autoreset = Autoreset.DISABLED,
         action: str | None = None,
+        decide_every: int = 1,
     ) -> None:
+        self.decide_every = arguments.decision(decide_every)
         self.autoreset = autoreset
         self.scene = arguments.with_mode(scene_at(scene, accuracy), action)
         self.task: Any = task  # its numbers are its own
@@ -85,6 +87,7 @@ class Core(Copied):
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = self._found_simulator(vars(self))
+        self.max_episode_steps = arguments.episode_limit(max_episode_steps)
         self.memory = first_memory(self.episode, self.simulator.layout, num_envs, max_episode_steps)
         self._memory = self.memory
         self.begun: NDArray[np.bool_] | None = None  # lanes that began an episode in the last step, if any
@@ -106,10 +109,16 @@ class Core(Copied):
         """Calls that nobody makes now: learners ask for rewards of old goals from threads of their own."""
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
         self._key_address = address(self.key_table)
+        self.set_decision(self._team)
         seen = [4 * self.obs_size, *(table.itemsize for table in Outputs.allocate(self.columns, 1))]
         bytes_of_lane = [4 * len(self.actions), *seen, 0, *seen, self.key_table.strides[0], 0, 0, 0]
         self._offsets = [[part.first * LANES * size for size in bytes_of_lane] for part in self._team.parts]
         """What the arguments of each part are behind those of the first."""
+
+    def set_decision(self, team: Team) -> None:
+        """Tell the calls of a team how many control steps a decision lasts."""
+        for part in team.parts if self.decide_every > 1 else ():
+            part.set(**{DECISION: self.decide_every})
 
     @property
     def episode(self) -> Episode:
@@ -119,7 +128,7 @@ class Core(Copied):
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
         fields = map(Dynamics(state["simulated"]).parameters.field_of, state["observed"])
-        return environment_simulator(state["simulated"], state["task"], tuple(fields))
+        return environment_simulator(state["simulated"], state["task"], tuple(fields), state["decide_every"] > 1)
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
@@ -139,7 +148,7 @@ class Core(Copied):
             self.waiting[lanes] = True
 
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
-        """One control step of all lanes; those that NEXT_STEP resets have no reward and no flags."""
+        """One decision of all lanes, by default one control step; those that NEXT_STEP resets have no reward and no flags."""
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
         tables = self._run(KernelCall.STEP, actions, autoreset)
@@ -316,7 +325,7 @@ class Core(Copied):
 
     @cached_property
     def _single(self) -> "Core":
-        return Core(self.simulated, 1, self.task, observe_parameters=self.observed)
+        return Core(self.simulated, 1, self.task, observe_parameters=self.observed, decide_every=self.decide_every)
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""
@@ -340,6 +349,6 @@ class Core(Copied):
         """The settings that must be equal in all states of these environments."""
         return parameters.simulator_facts(
             self.simulator, self.num_envs, task=dataclasses.asdict(self.task),
-            max_episode_steps=float(self.memory.column("limit")[0, 0]),
+            max_episode_steps=self.max_episode_steps, decide_every=self.decide_every,
             goal_conditioned=self.task.goal_conditioned, autoreset_mode=self.autoreset.name.lower(),
         )  # fmt: skip

@@ -42,6 +42,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
         action: str | None = None,
+        decide_every: int = 1,
         render_width: int = PICTURE_SIZE,
         render_height: int = PICTURE_SIZE,
     ) -> None:
@@ -53,6 +54,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         core = Core(
             scene, 1, make_task(task, self.task_name), None, accuracy, self.env_id,
             randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys, action=action,
+            decide_every=decide_every,
         )  # fmt: skip
         self.observation_space, self.action_space = self._take(core)
         self._operation: KernelCall | None = None  # kind of step; None if the next call has to be a reset
@@ -200,6 +202,7 @@ class SingleLane:
         self._operation, self._version = -1, -1  # those of the last call
         self._call = self._team if self._team.is_long else functools.partial(part.entry, part.address)
         tables = dict(zip(TABLES, self.outputs, strict=True))
+        core.set_decision(self._team)
         part.set(
             actions=self.action, obs=obs, stride=LANES, last_obs=obs, episode_keys=core.key_table, any_due=0,
             autoreset=Autoreset.DISABLED, **tables, **{f"last_{name}": t for name, t in tables.items()},

@@ -24,7 +24,7 @@ NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100
 ARGUMENTS = (
     "scene", "accuracy", "task", "on_bad_action", "max_episode_steps", "randomize", "observe_parameters",
-    "info_keys", "action",
+    "info_keys", "action", "decide_every",
 )  # fmt: skip
 """Arguments of all environments, beside their number and those of pictures."""
 OF_PICTURES = ("render_mode", "render_width", "render_height")

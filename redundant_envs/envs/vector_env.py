@@ -41,6 +41,7 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
         action: str | None = None,
+        decide_every: int = 1,
         render_width: int = PICTURE_SIZE,
         render_height: int = PICTURE_SIZE,
     ) -> None:
@@ -50,7 +51,7 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         core = Core(
             scene, num_envs, make_task(task, self.task_name), max_episode_steps, accuracy, self.env_id,
             threads, randomize, observe_parameters, info_keys, Autoreset[self.autoreset_mode.name],
-            action,
+            action, decide_every,
         )  # fmt: skip
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
