@@ -115,6 +115,15 @@ class Core(Copied):
         self._offsets = [[part.first * LANES * size for size in bytes_of_lane] for part in self._team.parts]
         """What the arguments of each part are behind those of the first."""
 
+    @property
+    def frames_per_second(self) -> float:
+        """Calls of ``step`` in a second of the motion."""
+        return 1.0 / (self.scene.control_dt * self.decide_every)
+
+    def set_limit(self, max_episode_steps: int | None) -> None:
+        """End episodes after so many control steps."""
+        self.memory.column("limit")[:] = arguments.episode_limit(max_episode_steps)
+
     def set_decision(self, team: Team) -> None:
         """Tell the calls of a team how many control steps a decision lasts."""
         for part in team.parts if self.decide_every > 1 else ():

@@ -46,7 +46,7 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         self._actions: dict[int, NDArray[np.float32]] = {}  # those that wait for a step, by thread
         super().__init__(core.num_envs, *self._take(core))
         # The base class has put what it knows of pictures in place of the rate of frames.
-        self.metadata = {**self.metadata, "render_fps": 1.0 / core.scene.control_dt}
+        self.metadata = {**self.metadata, "render_fps": core.frames_per_second}
 
     @first
     def reset(self) -> Any:
