@@ -15,6 +15,7 @@ from redundant_envs.effects.effort_limits import EffortLimits as EffortLimits
 from redundant_envs.effects.gear_backlash import GearBacklash as GearBacklash
 from redundant_envs.effects.gravity import Gravity as Gravity
 from redundant_envs.effects.half_plane import HalfPlane as HalfPlane
+from redundant_envs.effects.inner_control import InnerControl as InnerControl
 from redundant_envs.effects.joint_position import JointPosition as JointPosition
 from redundant_envs.effects.joint_stop import JointStop as JointStop
 from redundant_envs.effects.joint_torque import JointTorque as JointTorque
@@ -42,8 +43,6 @@ from redundant_envs.effects.tip_velocity import TipVelocity as TipVelocity
 from redundant_envs.effects.torque_speed import TorqueSpeed as TorqueSpeed
 from redundant_envs.effects.two_stage_spring import TwoStageSpring as TwoStageSpring
 from redundant_envs.effects.viscous_friction import ViscousFriction as ViscousFriction
-
-from redundant_envs.effects.inner_control import InnerControl as InnerControl
 
 # isort: off
 from redundant_envs.effects.hooks import (

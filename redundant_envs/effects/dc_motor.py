@@ -70,7 +70,10 @@ class DCMotor(Effect):
     def taken_per_effort(self, arm: Arm) -> tuple[float, ...]:
         """Volts for each N m or N of a motor at rest, R/(N K)."""
         joints = range(len(arm.joints))
-        fields = (x if isinstance(x, tuple) else (x,) * len(joints) for x in (self.resistance, self.constant, self.gear))
+        fields = (
+            x if isinstance(x, tuple) else (x,) * len(joints)
+            for x in (self.resistance, self.constant, self.gear)
+        )
         return tuple(r / (n * k) for r, k, n in zip(*fields, strict=True))
 
     @at_each_joint

@@ -482,12 +482,13 @@ class Effect:
         return ()
 
     def effort_units(self, arm: Arm) -> tuple[str, ...]:
-        """Own numbers in units of which a mode of actions counts the efforts that leave its links, one for each
-        joint; () of all other effects. Rewards and pictures show these efforts in place of actions."""
+        """Own numbers in units of which a mode of actions counts the efforts that leave its links, one for
+        each joint; () of all other effects. Rewards and pictures show these efforts in place of actions."""
         return ()
 
     def taken_per_effort(self, arm: Arm) -> tuple[float, ...]:
-        """What the motors need for an effort of 1 at rest, of an effect whose links take no effort; else ()."""
+        """What the motors need for an effort of 1 at rest, of an effect whose links take no effort; else
+        ()."""
         return ()
 
     def shared_commands(self, arm: Arm) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ A mode says which rates of the joints its commands want; :class:`InnerControl` t
 import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, effort_unit, snake_case
 from redundant_envs.effects.numbers import Numbers, each_joint, not_negative, one, positive
@@ -19,23 +19,25 @@ GAIN = 25.0
 """1/s, of a mode that ``action=`` adds: a rate follows in 40 ms, two of the usual control intervals; with
 more the efforts reach their limits more often, and with less the wanted rates are hardly reached."""
 FIRST_SPEED, SPEED, SLIDER_SPEED = 3.0, 4.0, 0.8
-"""rad/s of the first revolute joint and of the others, and m/s of sliders, in units of which such a mode takes
-actions: the motors of the reach scenes reach them in 0.1 s."""
+"""rad/s of the first revolute joint and of the others, and m/s of sliders, in units of which such a mode
+takes actions: the motors of the reach scenes reach them in 0.1 s."""
 
 
 @physics
 def bend(wanted, limits):
-    """A smooth, increasing map onto less than the limits, x / sqrt(1 + 4 x^6 / (1 + 2 x^2)^2) of their shares:
-    0.2 % less than what is wanted at a third of a limit, 1.4 % at half of it, 17 % at the limit."""
+    """A smooth, increasing map onto less than the limits, x / sqrt(1 + 4 x^6 / (1 + 2 x^2)^2) of their
+    shares: 0.2 % less than what is wanted at a third of a limit, 1.4 % at half of it, 17 % at the limit."""
     square = wanted * wanted
     flat = limits * (limits * limits + 2.0 * square)
     return wanted * flat / sqrt(flat * flat + 4.0 * square * square * square)
 
 
 def usual_speeds(arm: Arm) -> tuple[float, ...]:
+    """Speeds of the joints in a mode that ``action=`` adds."""
     first = arm.prismatic.index(False) if False in arm.prismatic else None
     return tuple(
-        SLIDER_SPEED if slides else FIRST_SPEED if k == first else SPEED for k, slides in enumerate(arm.prismatic)
+        SLIDER_SPEED if slides else FIRST_SPEED if k == first else SPEED
+        for k, slides in enumerate(arm.prismatic)
     )
 
 
@@ -86,10 +88,10 @@ class InnerControl(Effect):
     """Base of the modes of actions: a controller of the rates of the joints, by computed torque.
 
     The efforts are those of the equations of motion for joint accelerations of ``gain`` times what the rates
-    lack, and those that the wanted rates need against ``friction``, bent smoothly into the limits: continuous in
-    time, without memory, so nothing winds up at a stop. It knows the true masses of the environment, with what
-    effects add to the arm, the field and the motion; it knows no other friction, no spring and no contact, and
-    counts a joint at its stop as free.
+    lack, and those that the wanted rates need against ``friction``, bent smoothly into the limits: continuous
+    in time, without memory, so nothing winds up at a stop. It knows the true masses of the environment, with
+    what effects add to the arm, the field and the motion; it knows no other friction, no spring and no
+    contact, and counts a joint at its stop as free.
 
     Parameters
     ----------
@@ -114,12 +116,13 @@ class InnerControl(Effect):
     gives: str = field(default="", kw_only=True)
 
     static = ("gives",)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if bool(self.gives) != (self.per_effort is not None):
             raise ValueError(
-                f"{type(self).__name__}.gives is {self.gives!r} and per_effort is {self.per_effort}; give both, as "
-                "gives='V' and per_effort in V per N m, or neither"
+                f"{type(self).__name__}.gives is {self.gives!r} and per_effort is {self.per_effort}; give both, "
+                "as gives='V' and per_effort in V per N m, or neither"
             )
 
     @classmethod
@@ -135,8 +138,8 @@ class InnerControl(Effect):
             numbers |= {"per_effort": next((x for x in found if x), None), "gives": units[0]}
             if numbers["per_effort"] is None or len({*units}) > 1:
                 raise ValueError(
-                    f"action is {snake_case(cls.__name__)!r}, and the motors of the scene take {units}; put a "
-                    f"{cls.__name__} with per_effort and gives into its effects"
+                    f"action is {snake_case(cls.__name__)!r}, and the motors of the scene take {units}; put "
+                    f"a {cls.__name__} with per_effort and gives into its effects"
                 )
         return cls(**numbers, **cls.defaults(scene))
 
@@ -154,10 +157,10 @@ class InnerControl(Effect):
         raise NotImplementedError
 
     def links(self, arm: Arm) -> tuple[Hook, ...]:
-        wanted, gives = self.wanted(arm), self.gives
+        wanted, gives, kind = self.wanted(arm), self.gives, cast(Any, type(arm))
         return tuple(
             Actuation(
-                k, effort_at(type(arm), k, wanted, bool(gives)), dict(wanted.bind), Link.CONTROL,
+                k, effort_at(kind, k, wanted, bool(gives)), dict(wanted.bind), Link.CONTROL,
                 takes=self.takes(arm, k), gives=gives,
             )
             for k in range(len(arm.joints))

@@ -29,9 +29,9 @@ def _approach(rate: Any, speed: Any) -> Any:
 class JointPosition(InnerControl):
     """Actions are positions of the joints, in units of ``spans`` from ``middle``.
 
-    A joint approaches its position p with the rate ``stiffness`` (p - position), bent to less than its speed; its
-    damping is the ``gain`` of the rates, and a gain of four times the stiffness makes the approach critically
-    damped. A joint angle counts its turns: it is not taken around the other way.
+    A joint approaches its position p with the rate ``stiffness`` (p - position), bent to less than its speed;
+    its damping is the ``gain`` of the rates, and a gain of four times the stiffness makes the approach
+    critically damped. A joint angle counts its turns: it is not taken around the other way.
 
     Parameters
     ----------
@@ -57,7 +57,8 @@ class JointPosition(InnerControl):
 
     @classmethod
     def defaults(cls, scene: Any) -> dict[str, Any]:
-        middle, spans, values = [0.0] * len(scene.robot.joints), [math.pi] * len(scene.robot.joints), scene.parameters()
+        values, count = scene.parameters(), len(scene.robot.joints)
+        middle, spans = [0.0] * count, [math.pi] * count
         for k, (low, high) in scene.travel().items():
             ends = values[low], values[high]
             if all(map(math.isfinite, ends)):

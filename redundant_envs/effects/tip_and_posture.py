@@ -2,10 +2,10 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 from redundant_envs.effects.hooks import Arm, Hook
-from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints, sum_of
+from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints
 from redundant_envs.effects.numbers import Example, Numbers, each_axis, each_joint, one, positive, strengths
 from redundant_envs.effects.tip_velocity import TipVelocity, gram, scaled_jacobian, towards
 from redundant_envs.language.algebra import entries, numbered, sqrt
@@ -32,7 +32,8 @@ def across(a: Sequence[Any], b: Sequence[Any], x: Sequence[Any]) -> list[Any]:
 
 def usual_direction(arm: Arm) -> tuple[float, ...]:
     """x of a mode that ``action=`` adds: the first slider, or of revolute joints a row that alternates, which
-    the tip's rows, smooth along the arm, hardly have. In 5 % of random poses P x is shorter than 0.34 of 4R."""
+    the tip's rows, smooth along the arm, hardly have. In 5 % of random poses P x is shorter than 0.34 of
+    4R."""
     n, sliders = len(arm.joints), arm.sliders()
     if sliders:
         return tuple(float(k == sliders[0]) for k in range(n))
@@ -61,16 +62,16 @@ def rates_for_both(arm: Any) -> Callable[..., Any]:
 
 @dataclass(frozen=True)
 class TipAndPosture(InnerControl):
-    """Actions are the velocity of the tip along x and y, in units of ``tip_speeds``, and velocities in the null
-    space of its Jacobian, in units of ``posture``: of an arm of four joints, or of three.
+    """Actions are the velocity of the tip along x and y, in units of ``tip_speeds``, and velocities in the
+    null space of its Jacobian, in units of ``posture``: of an arm of four joints, or of three.
 
-    The rates of the joints are those of :class:`TipVelocity`, nearest to those of a posture instead of to none, so
-    the tip comes first. In units of their speeds, with the rows a, b of the Jacobian A, the basis of the posture is
-    of four joints the ``direction`` x without its part that moves the tip, P x, and across that in the null space
-    *(a ^ b) x / |a ^ b|; of three it is a x b / |a ^ b|. Both rows are as long as P x, perpendicular to each other
-    and to a and b, always turn the same way, and are smooth in the pose; near a singular one |a ^ b| is
-    sqrt(det(A A^T + damping^2)). They vanish together where x moves the tip alone: in single poses, of an arm
-    RPRP in none if x is its first slider.
+    The rates of the joints are those of :class:`TipVelocity`, nearest to those of a posture instead of to
+    none, so the tip comes first. In units of their speeds, with the rows a, b of the Jacobian A, the basis of
+    the posture is of four joints the ``direction`` x without its part that moves the tip, P x, and across
+    that in the null space *(a ^ b) x / |a ^ b|; of three it is a x b / |a ^ b|. Both rows are as long as P x,
+    perpendicular to each other and to a and b, always turn the same way, and are smooth in the pose; near a
+    singular one |a ^ b| is sqrt(det(A A^T + damping^2)). They vanish together where x moves the tip alone: in
+    single poses, of an arm RPRP in none if x is its first slider.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ class TipAndPosture(InnerControl):
         n = len(arm.joints)
         numbers = (*(of_joints("direction", n) if n == 4 else ()), *of_joints("speeds", n))
         takes = ("damping", *numbered("command{}", n), *(name for name, _ in numbers), *entries("J", 2, n))
-        return Wanted(rates_for_both(type(arm)), takes, numbers)
+        return Wanted(rates_for_both(cast(Any, type(arm))), takes, numbers)
 
     def takes(self, arm: Arm, joint: int) -> str:
         return "m/s"
@@ -121,10 +122,12 @@ class TipAndPosture(InnerControl):
         n = len(arm.joints)
         if n not in (3, 4):
             raise ValueError(
-                f"TipAndPosture is for an arm of three or four joints; {arm.kind} has {n}: give it TipVelocity"
+                f"TipAndPosture is for an arm of three or four joints; {arm.kind} has {n}: give TipVelocity"
             )
         if (self.direction is None) == (n == 4):
-            raise ValueError(f"TipAndPosture.direction is {self.direction}; give it to an arm of four joints alone")
+            raise ValueError(
+                f"TipAndPosture.direction is {self.direction}; give it to an arm of four joints alone"
+            )
         return self.links(arm)
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:

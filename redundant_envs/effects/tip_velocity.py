@@ -1,7 +1,7 @@
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 from redundant_envs.effects.hooks import Arm, Hook
 from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints, sum_of, usual_speeds
@@ -10,17 +10,20 @@ from redundant_envs.language.algebra import entries, sqrt
 from redundant_envs.robots.derived import coordinate_rates
 
 TIP_SPEED = 1.0
-"""m/s along an axis of a mode that ``action=`` adds: most poses of the reach scenes allow it within the speeds of
-the joints."""
+"""m/s along an axis of a mode that ``action=`` adds: most poses of the reach scenes allow it within the
+speeds of the joints."""
 DAMPING = 0.1
-"""m/s, of such a mode. In random poses the smaller singular value of the Jacobian, in m/s per share of a speed, is
-below 0.3 in 1 % with the arm 4R, where the tip is 10 % slower, and above 0.98 in all of RPRP."""
+"""m/s, of such a mode. In random poses the smaller singular value of the Jacobian, in m/s per share of a
+speed, is below 0.3 in 1 % with the arm 4R, where the tip is 10 % slower, and above 0.98 in all of RPRP."""
 
 
 def scaled_jacobian(arm: Any, jacobian: Sequence[Any], speeds: Sequence[Any]) -> list[list[Any]]:
     """Both rows of A: the velocity of the tip per share of the speed of each joint, m/s."""
     n, T = len(arm.joints), coordinate_rates(arm)
-    rows = [[sum_of(zip(T[:, k].tolist(), row, strict=True)) for k in range(n)] for row in (jacobian[:n], jacobian[n:])]
+    rows = [
+        [sum_of(zip(T[:, k].tolist(), row, strict=True)) for k in range(n)]
+        for row in (jacobian[:n], jacobian[n:])
+    ]
     return [[x * speed for x, speed in zip(row, speeds, strict=True)] for row in rows]
 
 
@@ -33,8 +36,9 @@ def gram(a: Sequence[Any], b: Sequence[Any], damping: Any) -> tuple[Any, Any, An
 
 
 def towards(
-    a: Sequence[Any], b: Sequence[Any], matrix: Sequence[Any], velocity: Sequence[Any], posture: Sequence[Any] | None
-) -> list[Any]:
+    a: Sequence[Any], b: Sequence[Any], matrix: Sequence[Any], velocity: Sequence[Any],
+    posture: Sequence[Any] | None,
+) -> list[Any]:  # fmt: skip
     """Shares of the speeds of the joints that give the tip a velocity, nearest to those of a posture:
     p + A^T (A A^T + damping^2)^-1 (v - A p), bent to less than 1 in length."""
     aa, ab, bb, det = matrix
@@ -68,10 +72,10 @@ class TipVelocity(InnerControl):
     """Actions are the velocity of the tip along x and y, in units of ``tip_speeds``.
 
     The rates of the joints are the least ones, in units of their speeds, that give the tip its velocity:
-    A^T (A A^T + damping^2)^-1 v with the Jacobian A, m/s per share of a speed. Their length as a row of shares is
-    bent to less than 1, so no joint is wanted to be faster than its speed. Near a singular pose, where a singular
-    value of A is not far above ``damping``, the tip is slower along its direction, and in the pose itself it is not
-    moved along it at all. Nothing controls the posture: it drifts.
+    A^T (A A^T + damping^2)^-1 v with the Jacobian A, m/s per share of a speed. Their length as a row of
+    shares is bent to less than 1, so no joint is wanted to be faster than its speed. Near a singular pose,
+    where a singular value of A is not far above ``damping``, the tip is slower along its direction, and in
+    the pose itself it is not moved along it at all. Nothing controls the posture: it drifts.
 
     Parameters
     ----------
@@ -102,7 +106,7 @@ class TipVelocity(InnerControl):
         n = len(arm.joints)
         speeds = of_joints("speeds", n)
         takes = ("damping", "command1", "command2", *(name for name, _ in speeds), *entries("J", 2, n))
-        return Wanted(rates_for_tip(type(arm)), takes, speeds)
+        return Wanted(rates_for_tip(cast(Any, type(arm))), takes, speeds)
 
     def takes(self, arm: Arm, joint: int) -> str:
         return "m/s"

@@ -20,7 +20,8 @@ from redundant_envs.support.values import check_between, shown, whole_number
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
 
 MOST_STEPS = 1000
-"""Most control steps of a decision: a call of all of them takes as long as so many steps, and cannot be shorter."""
+"""Most control steps of a decision: a call of all of them takes as long as so many steps, and cannot be
+shorter."""
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 
 
@@ -109,13 +110,15 @@ def with_mode(scene: Scene, action: Any) -> Scene:
     if action is not None and action != "effort" and (not isinstance(action, str) or action not in modes):
         valid = ", ".join(("effort", *sorted(modes)))
         raise ValueError(f"action is {shown(action)}; choose {valid}, or None for that of the scene")
-    there = next((snake_case(type(e).__name__) for e in scene.effects if e.effort_units(scene.robot)), "effort")
+    there = next(
+        (snake_case(type(e).__name__) for e in scene.effects if e.effort_units(scene.robot)), "effort"
+    )
     if action is None or action == there:
         return scene
     if there != "effort":
         raise ValueError(
-            f"action is {action!r}, and the scene has an effect whose actions are {there!r}; leave action out, or "
-            "the effect"
+            f"action is {action!r}, and the scene has an effect whose actions are {there!r}; leave action "
+            "out, or the effect"
         )
     check_motors(scene)
     return dataclasses.replace(scene, effects=(*scene.effects, modes[action].for_scene(scene)))

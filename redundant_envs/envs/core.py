@@ -19,7 +19,9 @@ from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, alone
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.scenes.scene import Scene, scene_at
-from redundant_envs.simulator.batch.environment import BEGUN, DECISION, DUE, EPISODE_KEY, Autoreset, KernelCall
+from redundant_envs.simulator.batch.environment import (
+    BEGUN, DECISION, DUE, EPISODE_KEY, Autoreset, KernelCall,
+)  # fmt: skip
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
 from redundant_envs.simulator.lane.fields import Layout
@@ -137,7 +139,9 @@ class Core(Copied):
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
         fields = map(Dynamics(state["simulated"]).parameters.field_of, state["observed"])
-        return environment_simulator(state["simulated"], state["task"], tuple(fields), state["decide_every"] > 1)
+        return environment_simulator(
+            state["simulated"], state["task"], tuple(fields), state["decide_every"] > 1
+        )
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
@@ -157,7 +161,8 @@ class Core(Copied):
             self.waiting[lanes] = True
 
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
-        """One decision of all lanes, by default one control step; those that NEXT_STEP resets have no reward and no flags."""
+        """One decision of all lanes, by default one control step; those that NEXT_STEP resets have no reward
+        and no flags."""
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
         tables = self._run(KernelCall.STEP, actions, autoreset)
@@ -334,7 +339,9 @@ class Core(Copied):
 
     @cached_property
     def _single(self) -> "Core":
-        return Core(self.simulated, 1, self.task, observe_parameters=self.observed, decide_every=self.decide_every)
+        return Core(
+            self.simulated, 1, self.task, observe_parameters=self.observed, decide_every=self.decide_every
+        )
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""

@@ -99,8 +99,8 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         self._operation = KernelCall.CHECKED_STEP if self.on_bad_action == "raise" else KernelCall.STEP
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One decision, by default one control step; the action is (actions,) in [-1, 1], in units of ``scene.action_units()``: by
-        default (joints,) in units of the effort limits."""
+        """One decision, by default one control step; the action is (actions,) in [-1, 1], in units of
+        ``scene.action_units()``: by default (joints,) in units of the effort limits."""
         if self._operation is None:
             when = "after the end of the episode" if self.core.begun_all else "before reset"
             raise gym.error.ResetNeeded(f"step was called {when}; call reset() first")

@@ -250,8 +250,8 @@ class BatchSimulator(Copied):
         Parameters
         ----------
         efforts : (num_envs, joints) array, optional
-            N m and N at the joints (``Scene.actuation``), or as many commands as ``Scene.command_units()`` has,
-            in these units; zero by default.
+            N m and N at the joints (``Scene.actuation``), or as many commands as ``Scene.command_units()``
+            has, in these units; zero by default.
         """
         return self._advanced(efforts)
 

@@ -261,8 +261,8 @@ class Scene:
         return next((tuple(f"{key}.{name}" for name in names) for key, names in units if names), ())
 
     def effort_units(self) -> tuple[str, ...]:
-        """Parameters in units of which the efforts of a mode of actions are counted, one for each joint; () of
-        a scene without a mode, whose actions are efforts themselves."""
+        """Parameters in units of which the efforts of a mode of actions are counted, one for each joint; ()
+        of a scene without a mode, whose actions are efforts themselves."""
         units = ((e.key, e.effort_units(self.robot)) for e in self.effects)
         return next((tuple(f"{key}.{name}" for name in names) for key, names in units if names), ())
 

@@ -109,8 +109,8 @@ class EnvironmentKernel:
         with p.each(blocks.count) as number:
             blocks.call(decide, blocks.block(number, 0))
         with p.each(p[DECISION]):
-            ends = episode.begin_step_of_decision, {}, episode.finish_step_of_decision
-            advance(blocks, Ends(*ends, lambda block: {}))
+            begin, finish = episode.begin_step_of_decision, episode.finish_step_of_decision
+            advance(blocks, Ends(begin, {}, finish, lambda block: {}))
         with p.each(blocks.count) as number:
             block = blocks.block(number, 0)
             p.call(self.observed, **block.pointers, **self.outputs(block))

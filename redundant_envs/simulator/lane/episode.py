@@ -106,7 +106,9 @@ class Episode:
         yield from variables(task.held_outputs, "held output", STATE, owner=owner)
         yield from variables(self.actions, "action in [-1, 1] of the last step, which pictures show", STATE)
         if self.controlled:
-            yield from variables(self.efforts, "effort at the end of the last step, as a share of its limit", STATE)
+            yield from variables(
+                self.efforts, "effort at the end of the last step, as a share of its limit", STATE
+            )
         yield from variables(self.draws, "uniform draw in (0, 1)")
         yield from self.randomized.fields()
         yield from engine("resetting", *(("over", "refused") if self.decides else ()))
@@ -132,7 +134,9 @@ class Episode:
         states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
         known = lane.values((*states, *self.task.memory, *self.actions))
         if self.controlled:
-            known |= zip(numbered("action{}", len(self.efforts)), self.efforts_asked(lane, known), strict=True)
+            known |= zip(
+                numbered("action{}", len(self.efforts)), self.efforts_asked(lane, known), strict=True
+            )
         return self.quantities(lane, known)
 
     def efforts_asked(self, lane: Lane, known: Mapping[str, Any]) -> list[Any]:
