@@ -121,8 +121,8 @@ class InnerControl(Effect):
         super().__post_init__()
         if bool(self.gives) != (self.per_effort is not None):
             raise ValueError(
-                f"{type(self).__name__}.gives is {self.gives!r} and per_effort is {self.per_effort}; give both, "
-                "as gives='V' and per_effort in V per N m, or neither"
+                f"{type(self).__name__}.gives is {self.gives!r} and per_effort is {self.per_effort}; give "
+                "both, as gives='V' and per_effort in V per N m, or neither"
             )
 
     @classmethod

@@ -20,7 +20,12 @@ from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, a
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.scenes.scene import Scene, scene_at
 from redundant_envs.simulator.batch.environment import (
-    BEGUN, DECISION, DUE, EPISODE_KEY, Autoreset, KernelCall,
+    BEGUN,
+    DECISION,
+    DUE,
+    EPISODE_KEY,
+    Autoreset,
+    KernelCall,
 )  # fmt: skip
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
