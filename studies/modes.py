@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -17,7 +16,7 @@ from studies.speed import one_core
 
 MODES = "effort", "joint_velocity", "joint_position", "tip_velocity", "tip_and_posture"
 STEPS = 12
-"""Control steps of a turn, with an action of its own each: actions that are kept reach no limit later."""
+"""Control steps of a turn, each with new actions."""
 WARM = 36
 """Control steps from rest before the first turn."""
 COLUMNS = (
@@ -26,19 +25,17 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def steps(env: Any, seed: int = 0) -> Callable[[int], None]:
-    """A function that makes some steps under random actions."""
-    rng, shape = np.random.default_rng(seed), env.action_space.shape
-    env.reset(seed=seed)
-    drawn: list[Any] = []
+def steps(env: Any) -> Callable[[int], float]:
+    """A function that makes some steps under random actions, and returns their time, s."""
+    rng, shape = np.random.default_rng(0), env.action_space.shape
+    env.reset(seed=0)
 
-    def make(count: int) -> None:
-        for action in drawn or [rng.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(count)]:
-            env.step(action)
+    def sample(count: int = STEPS) -> float:
+        actions = rng.uniform(-1.0, 1.0, (count, *shape)).astype(np.float32)
+        return seconds(lambda: [env.step(action) for action in actions])
 
-    make(WARM)
-    drawn += [rng.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(STEPS)]
-    return make
+    sample(WARM)
+    return sample
 
 
 def run(lanes: int = 1024, rounds: int = 16) -> list[dict[str, Any]]:
@@ -47,8 +44,7 @@ def run(lanes: int = 1024, rounds: int = 16) -> list[dict[str, Any]]:
     with one_core(), counted("modes", len(IDS)) as done:
         for name in IDS:
             envs = {mode: gym.make_vec(name, num_envs=lanes, action=mode) for mode in MODES}
-            made = {mode: steps(env) for mode, env in envs.items()}
-            times = by_turns({m: functools.partial(seconds, make, STEPS) for m, make in made.items()}, rounds)
+            times = by_turns({mode: steps(env) for mode, env in envs.items()}, rounds)
             for mode, env in envs.items():
                 *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
                 spent = info["evaluations"] / np.maximum(info["episode_steps"], 1)

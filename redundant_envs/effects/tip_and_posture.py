@@ -50,7 +50,7 @@ def rates_for_both(arm: Any) -> Callable[..., Any]:
         speeds, jacobian = values[-3 * n : -2 * n], values[-2 * n :]
         a, b = scaled_jacobian(arm, jacobian, speeds)
         matrix = gram(a, b, damping)
-        last = commands[-1] / sqrt(matrix[-1])
+        last = commands[-1] * sqrt(matrix[-1])
         posture = [last * x for x in across(a, b, direction)]
         if n == 4:
             posture = [p + commands[2] * x for p, x in zip(posture, direction, strict=True)]

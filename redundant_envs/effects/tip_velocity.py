@@ -28,11 +28,11 @@ def scaled_jacobian(arm: Any, jacobian: Sequence[Any], speeds: Sequence[Any]) ->
 
 
 def gram(a: Sequence[Any], b: Sequence[Any], damping: Any) -> tuple[Any, Any, Any, Any]:
-    """A A^T + damping^2, its entries 11, 12 and 22, and its determinant, which is positive in every pose."""
+    """A A^T + damping^2, its entries 11, 12 and 22, and 1 over its determinant, positive in every pose."""
     least = damping * damping
     aa, ab, bb = (sum_of(zip(x, y, strict=True)) for x, y in ((a, a), (a, b), (b, b)))
     aa, bb = aa + least, bb + least
-    return aa, ab, bb, aa * bb - ab * ab
+    return aa, ab, bb, 1.0 / (aa * bb - ab * ab)
 
 
 def towards(
@@ -41,16 +41,17 @@ def towards(
 ) -> list[Any]:  # fmt: skip
     """Shares of the speeds of the joints that give the tip a velocity, nearest to those of a posture:
     p + A^T (A A^T + damping^2)^-1 (v - A p), bent to less than 1 in length."""
-    aa, ab, bb, det = matrix
+    aa, ab, bb, inverse = matrix
     v, w = velocity
     if posture is not None:
         v, w = v - sum_of(zip(a, posture, strict=True)), w - sum_of(zip(b, posture, strict=True))
-    y, z = (bb * v - ab * w) / det, (aa * w - ab * v) / det
+    y, z = inverse * (bb * v - ab * w), inverse * (aa * w - ab * v)
     shares = [p * y + q * z for p, q in zip(a, b, strict=True)]
     if posture is not None:
         shares = [s + p for s, p in zip(shares, posture, strict=True)]
     square = sum_of(zip(shares, shares, strict=True))
-    factor = 1.0 / sqrt(sqrt(1.0 + square * square))
+    flat = 1.0 + 2.0 * square  # bend(|s|, 1) / |s|
+    factor = flat / sqrt(flat * flat + 4.0 * square * square * square)
     return [factor * s for s in shares]
 
 

@@ -216,9 +216,7 @@ def _motor_efforts(batch: BatchSimulator, command: Array, elapsed: float, begun:
     for a in batch.scene.attached.instants:
         states[a.passed] = np.where(0.0 <= known[a.instant] <= elapsed, 1.0, 0.0)
     known |= states | dict(zip(dynamics.commands, command.T, strict=True))
-    x = dynamics.quantities([*batch.q.T, *batch.qd.T], known)
-    dynamics.set_field(x)
-    efforts, _ = dynamics.efforts(x, "derivative")
+    efforts, _ = dynamics.efforts(dynamics.quantities([*batch.q.T, *batch.qd.T], known), "derivative")
     return np.stack([np.broadcast_to(effort, batch.num_envs) for effort in efforts], axis=1)
 
 

@@ -225,7 +225,10 @@ class Dynamics:
         """Quantities of the arm, from states, and numbers and efforts by name; ``held``: with the dynamics of
         sliders that may rest at their stops."""
         functions = self.functions_held if held else self.functions
-        return Quantities(dict(zip(self.states, states, strict=False)), functions, self.arm.sincos, numbers)
+        x = Quantities(dict(zip(self.states, states, strict=False)), functions, self.arm.sincos, numbers)
+        if self.scene.effort_units():  # a mode of actions knows the field
+            self.set_field(x)
+        return x
 
     @property
     def functions(self) -> tuple[Callable[..., Any], ...]:
