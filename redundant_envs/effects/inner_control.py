@@ -14,6 +14,7 @@ from redundant_envs.effects.viscous_friction import ViscousFriction
 from redundant_envs.language.algebra import entries, numbered, physics, sqrt, total
 from redundant_envs.language.dual import is_zero
 from redundant_envs.robots.derived import coordinate_rates
+from redundant_envs.support.values import shown
 
 GAIN = 25.0
 """1/s, of a mode that ``action=`` adds: a rate follows in 40 ms, two of the usual control intervals; with
@@ -101,7 +102,7 @@ class InnerControl(Effect):
         Most that it asks of each motor, N m or N, or what the motor takes; positive.
     friction : float or sequence of one for each joint, default 0
         Viscous friction of the joints that it knows, N m s/rad (revolute) or N s/m (prismatic), not negative.
-    per_effort : float or sequence of one for each joint, optional
+    per_effort : float or sequence of one for each joint, default 1
         What a motor that takes no effort needs for one, such as V per N m; positive.
     gives : str, default ""
         Unit of what the motors take, such as "V", if it is not that of efforts.
@@ -112,17 +113,18 @@ class InnerControl(Effect):
     friction: float | Numbers = field(
         default=0.0, kw_only=True, metadata=each_joint(not_negative, "N m s/rad", "N s/m")
     )
-    per_effort: float | Numbers | None = field(default=None, kw_only=True, metadata=each_joint(positive))
+    per_effort: float | Numbers = field(default=1.0, kw_only=True, metadata=each_joint(positive))
     gives: str = field(default="", kw_only=True)
 
     static = ("gives",)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if bool(self.gives) != (self.per_effort is not None):
+        of_joints = self.per_effort if isinstance(self.per_effort, tuple) else (self.per_effort,)
+        if not self.gives and {*of_joints} != {1.0}:
             raise ValueError(
-                f"{type(self).__name__}.gives is {self.gives!r} and per_effort is {self.per_effort}; give "
-                "both, as gives='V' and per_effort in V per N m, or neither"
+                f"{type(self).__name__}.per_effort is {shown(self.per_effort)} without gives; name the unit "
+                "that the motors take, such as gives='V', or leave per_effort out"
             )
 
     @classmethod
@@ -135,8 +137,8 @@ class InnerControl(Effect):
         numbers: dict[str, Any] = {"gain": GAIN, "limits": limits, "friction": next(friction, 0.0)}
         if units != tuple(effort_unit(arm, k) for k in range(len(units))):
             found = (effect.taken_per_effort(arm) for effect in scene.effects)
-            numbers |= {"per_effort": next((x for x in found if x), None), "gives": units[0]}
-            if numbers["per_effort"] is None or len({*units}) > 1:
+            numbers |= {"per_effort": next((x for x in found if x), ()), "gives": units[0]}
+            if not numbers["per_effort"] or len({*units}) > 1:
                 raise ValueError(
                     f"action is {snake_case(cls.__name__)!r}, and the motors of the scene take {units}; put "
                     f"a {cls.__name__} with per_effort and gives into its effects"
