@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -81,7 +82,7 @@ class Core(Copied):
         action: str | None = None,
         decide_every: int = 1,
     ) -> None:
-        self.decide_every = arguments.decision(decide_every)
+        self.decide_every, self.env_id = arguments.decision(decide_every), env_id
         self.autoreset = autoreset
         self.scene = arguments.with_mode(scene_at(scene, accuracy), action)
         self.task: Any = task  # its numbers are its own
@@ -127,9 +128,12 @@ class Core(Copied):
         """Calls of ``step`` in a second of the motion."""
         return 1.0 / (self.scene.control_dt * self.decide_every)
 
-    def set_limit(self, max_episode_steps: int | None) -> None:
-        """End episodes after so many control steps."""
-        self.memory.column("limit")[:] = arguments.episode_limit(max_episode_steps)
+    def limit_decisions(self) -> None:
+        """Let episodes of a single environment end after the control steps of its id, if decisions last for
+        several: Gymnasium's TimeLimit counts calls of ``step``."""
+        if self.decide_every > 1 and self.env_id is not None:
+            steps = gym.spec(self.env_id).max_episode_steps
+            self.memory.column("limit")[:] = arguments.episode_limit(steps)
 
     def set_decision(self, team: Team) -> None:
         """Tell the calls of a team how many control steps a decision lasts."""
@@ -344,9 +348,12 @@ class Core(Copied):
 
     @cached_property
     def _single(self) -> "Core":
-        return Core(
-            self.simulated, 1, self.task, observe_parameters=self.observed, decide_every=self.decide_every
-        )
+        single = Core(
+            self.simulated, 1, self.task, env_id=self.env_id, observe_parameters=self.observed,
+            decide_every=self.decide_every,
+        )  # fmt: skip
+        single.limit_decisions()
+        return single
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""

@@ -56,8 +56,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
             randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys, action=action,
             decide_every=decide_every,
         )  # fmt: skip
-        if core.decide_every > 1 and self.env_id is not None:
-            core.set_limit(gym.spec(self.env_id).max_episode_steps)  # TimeLimit counts calls of step
+        core.limit_decisions()
         self.observation_space, self.action_space = self._take(core)
         self._operation: KernelCall | None = None  # kind of step; None if the next call has to be a reset
 

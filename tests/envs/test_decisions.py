@@ -134,7 +134,7 @@ def test_a_single_environment_ends_after_the_control_steps_of_its_id():
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("arm", ARMS)
 def test_checkers_accept_modes_and_decisions(arm, mode):
-    own, count = {"action": mode, "decide_every": 4}, {"num_envs": 3}
+    own, count = {"scene": stepped(arm), "action": mode, "decide_every": 4}, {"num_envs": 3}
     for task in ("Reach", "GoalReach"):
         name = f"redundant_envs/{arm}{task}-v0"
         check_env(gym.make(name, **own).unwrapped, skip_render_check=True)
