@@ -25,7 +25,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def steps(env: Any) -> Callable[[int], float]:
+def steps(env: Any) -> Callable[..., float]:
     """A function that makes some steps under random actions, and returns their time, s."""
     rng, shape = np.random.default_rng(0), env.action_space.shape
     env.reset(seed=0)

@@ -103,12 +103,17 @@ def decision(decide_every: Any) -> int:
     return steps
 
 
+def modes() -> dict[str, type[InnerControl]]:
+    """Modes of actions by their names, of effects that are registered."""
+    found = {snake_case(n): kind for n, kind in EFFECTS.items() if issubclass(kind, InnerControl)}
+    return dict(sorted(found.items()))
+
+
 def with_mode(scene: Scene, action: Any) -> Scene:
     """The scene with the mode of actions that ``action`` names, unless it has this one; None is its own.
     ValueError if it has another one, or the mode does not fit it."""
-    modes = {snake_case(n): kind for n, kind in EFFECTS.items() if issubclass(kind, InnerControl)}
-    if action is not None and action != "effort" and (not isinstance(action, str) or action not in modes):
-        valid = ", ".join(("effort", *sorted(modes)))
+    if action is not None and (not isinstance(action, str) or action not in ("effort", *modes())):
+        valid = ", ".join(("effort", *modes()))
         raise ValueError(f"action is {shown(action)}; choose {valid}, or None for that of the scene")
     there = next(
         (snake_case(type(e).__name__) for e in scene.effects if e.effort_units(scene.robot)), "effort"
@@ -121,7 +126,7 @@ def with_mode(scene: Scene, action: Any) -> Scene:
             "out, or the effect"
         )
     check_motors(scene)
-    return dataclasses.replace(scene, effects=(*scene.effects, modes[action].for_scene(scene)))
+    return dataclasses.replace(scene, effects=(*scene.effects, modes()[action].for_scene(scene)))
 
 
 def simulated(scene: Scene, task: Task, randomize: Any) -> Scene:
