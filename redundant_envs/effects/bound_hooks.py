@@ -91,6 +91,12 @@ class Attached(Generic[Kind]):
     def has_laws(self) -> bool:
         return bool(self.law or self.guards)
 
+    def takes_foreign(self, command: str) -> bool:
+        """Whether a function takes a command that is not the input of its own link."""
+        own = isinstance(self.hook, Actuation) and command == f"command{self.hook.joint + 1}"
+        every = (bound for laws in (self.functions, *self.states.values()) for bound in laws.values())
+        return not own and any(command in bound.names for bound in every)
+
     def guard_values(self, x: Quantities) -> tuple[Any, ...]:
         values = self.functions["guard"](x) if self.guards else ()
         return values if isinstance(values, tuple) else (values,)
@@ -173,6 +179,11 @@ class Attachments(tuple[Attached[Hook], ...]):
         commands = tuple(numbered("command{}", len(sharing[1] if sharing else arm.joints)))
         instance = cls(attached(*pair) for pair in every)
         instance.commands, instance.sharing = commands, sharing
+        for name in numbered("command{}", len(arm.joints))[len(commands) :]:
+            if takers := [a.key for a in instance if a.takes_foreign(name)]:
+                raise ValueError(
+                    f"effects: {takers[0]!r} takes {name}, and there are {len(commands)} commands"
+                )
         if controlled and (located := instance._locating(arm)):
             instance = cls(attached(a.effect, a.hook, by_side=True) if a in located else a for a in instance)
             instance.commands, instance.sharing = commands, sharing

@@ -1,11 +1,14 @@
 """Modes of actions: the rates that they want, by another account, and the efforts that they ask for."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from catalogue import ARMS, GRAVITY
 
 import redundant_envs as rde
 from redundant_envs.effects.inner_control import bend
+from redundant_envs.language.algebra import identity
 from redundant_envs.robots.derived import coordinate_rates, joint_rates
 
 e = rde.effects
@@ -110,11 +113,20 @@ class TooMany(e.TipVelocity):
         return ("m/s",) * 5
 
 
+@dataclasses.dataclass(frozen=True)
+class Feeding(e.Effect):
+    """A force that follows the command of the third motor."""
+
+    def hooks(self, arm):
+        return (e.Force(0, identity("command3")),)
+
+
 @pytest.mark.parametrize(
     ("arm", "effects", "said"),
     [
         ("4R", (TIP, modes("4R")["tip_and_posture"][0]), "'tip_velocity' and 'tip_and_posture' both share"),
         ("4R", (TooMany(GAIN, FAR, 1.0, 1.0, 0.1),), "shares 5 commands .*; give it .* at most 4 commands"),
+        ("4R", (TIP, Feeding()), "'feeding' takes command3, and there are 2 commands"),
         ("4R", (TIP, modes("4R")["joint_velocity"][0]), "gives 'N m', and 'joint_velocity' behind it takes"),
         (
             "PRPRP",
