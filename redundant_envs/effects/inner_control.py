@@ -158,6 +158,11 @@ class InnerControl(Effect):
         """Unit of what the link of a joint takes."""
         raise NotImplementedError
 
+    def shared_commands(self, arm: Arm) -> tuple[str, ...]:
+        return tuple(
+            self.takes(arm, k) for k in range(len(arm.joints))
+        )  # each effort follows from all of them
+
     def links(self, arm: Arm) -> tuple[Hook, ...]:
         wanted, gives, kind = self.wanted(arm), self.gives, cast(Any, type(arm))
         return tuple(
