@@ -90,14 +90,15 @@ def test_friction_that_is_known_does_not_slow_the_joints_down():
     assert np.allclose(motion.qd[-1] @ joint_rates(arm).T, (0.4, -0.3, 0.2, 0.1), atol=1e-6)
 
 
-def test_links_in_front_of_shared_commands_act_on_them():
-    arm, mode = ARMS["4R"], modes("4R")["tip_velocity"][0]
+@pytest.mark.parametrize("mode", ["tip_velocity", "joint_velocity"])
+def test_links_in_front_of_shared_commands_act_on_them(mode):
+    arm, (mode, count) = ARMS["4R"], modes("4R")[mode]
     late, prompt = (
         rde.BatchSimulator(rde.Scene(arm, (GRAVITY, *delay, mode), "rk4", 0.01), 1)
         for delay in ((e.CommandDelay(0.01, 0.01),), ())
     )
-    assert len(late.scene.states()) == 2 * 2  # of two commands, the present interval and the one before
-    given, acting = np.array([[0.5, 0.2], [0.1, -0.4], [0.0, 0.0]]), np.zeros(2)
+    assert len(late.scene.states()) == 2 * count  # the commands of the present interval and the one before
+    given, acting = np.random.default_rng(0).normal(0.0, 0.3, (3, count)), np.zeros(count)
     for command in given:
         late.advance(command[None])
         prompt.advance(acting[None])
@@ -127,7 +128,7 @@ class Feeding(e.Effect):
         ("4R", (TIP, modes("4R")["tip_and_posture"][0]), "'tip_velocity' and 'tip_and_posture' both share"),
         ("4R", (TooMany(GAIN, FAR, 1.0, 1.0, 0.1),), "shares 5 commands .*; give it .* at most 4 commands"),
         ("4R", (TIP, Feeding()), "'feeding' takes command3, and there are 2 commands"),
-        ("4R", (TIP, modes("4R")["joint_velocity"][0]), "gives 'N m', and 'joint_velocity' behind it takes"),
+        ("4R", (TIP, modes("4R")["joint_velocity"][0]), "'tip_velocity' and 'joint_velocity' both share"),
         (
             "PRPRP",
             (modes("PRPRP")["tip_and_posture"][0],),
