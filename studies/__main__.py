@@ -63,6 +63,10 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--lanes", type=int, default=4096)
     p.add_argument("--rounds", type=int, default=10)
     written(p)
+    p = study(measure, "modes", "cost of the modes of actions")
+    p.add_argument("--lanes", type=int, default=1024)
+    p.add_argument("--rounds", type=int, default=16)
+    written(p)
     p = study(measure, "effects", "cost of every effect and scene, and whether ceilings hold")
     p.add_argument("name", nargs="*", metavar="NAME", help="effect or scene; default: all")
     configured(p, "effects")
@@ -123,6 +127,7 @@ def _families(of: Any, o: Any) -> list[Row]:
 MEASURED: dict[str, tuple[str, Callable[[Any, Any], list[Row]]]] = {
     "throughput": ("dgemm_gflops", lambda of, o: of.run(of.load_study(_config(o)))),
     "environments": ("env", lambda of, o: of.run(o.lanes, o.rounds)),
+    "modes": ("env", lambda of, o: of.run(o.lanes, o.rounds)),
     "effects": ("at", lambda of, o: of.run(of.load_study(_config(o)), o.name)),
     "ilqr": ("arm", lambda of, o: of.run(o.arms, o.goals)),
     "stops": ("states", lambda of, o: of.run(of.policies(o), o.lanes)),

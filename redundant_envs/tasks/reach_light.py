@@ -136,7 +136,7 @@ class ReachLightTask(ReachTask):
     def functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         arm, joints = scene.robot, len(scene.robot.joints)
         return (
-            *super().functions(scene), largest_effort(joints), *loads_at_rest(arm, scene.action_units()),
+            *super().functions(scene), largest_effort(joints), *loads_at_rest(arm, scene.effort_units() or scene.action_units()),
             observed_loads(joints), largest_at_rest(joints),
         )  # fmt: skip
 

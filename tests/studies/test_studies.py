@@ -25,6 +25,7 @@ from studies import (
     effects,
     environments,
     ilqr,
+    modes,
     stops,
     throughput,
 )
@@ -68,6 +69,17 @@ def test_environment_columns(monkeypatch):
         assert tuple(row) == environments.COLUMNS
         numbers = ("vector_steps_per_s_best", "single_us_per_step", "cartpole_us_per_step")
         assert all(row[name] > 0 for name in numbers)
+
+
+@pytest.mark.long
+def test_modes_are_timed_beside_efforts():
+    found = modes.run(lanes=8, rounds=1)
+    assert [row["action"] for row in found] == 2 * [*modes.MODES]
+    for row in found:
+        assert tuple(row) == modes.COLUMNS
+        assert row["ns_per_step"] > 0
+        assert row["evaluations"] >= 12.0
+        assert (row["action"] == "effort") <= (row["times_effort"] == 1.0)
 
 
 @pytest.mark.long
