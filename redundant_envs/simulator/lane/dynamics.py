@@ -111,6 +111,21 @@ class Dynamics:
         yield from engine("error", "fault")
 
     @cached_property
+    def field(self) -> tuple[Callable[..., Any], ...]:
+        """The function of the field of the scene, where that does not follow from parameters alone."""
+        if "ax" in self.parameters.prepared:
+            return ()
+        fields = (*self.scene.attached.constant_fields, *self.scene.attached.moving_fields)
+        names = tuple(dict.fromkeys(name for a in fields for name in a.functions["function"].names))
+
+        @physics(gives="ax ay", takes=names)
+        def field(*values: Any) -> tuple[Any, Any]:
+            ax, ay = field_of(fields, Quantities(dict(zip(names, values, strict=True)), (), {}))
+            return (0.0, 0.0) if ax is ABSENT else (ax, ay)
+
+        return (field,)
+
+    @cached_property
     def clearances(self) -> tuple[Callable[..., Any], ...]:
         """Functions of the distances of the links from the obstacles."""
         return clearance_functions(self.scene.attached, self.arm)

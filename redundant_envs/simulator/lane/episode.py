@@ -60,8 +60,8 @@ class Episode:
         self.decides = decides
         scene = dynamics.scene
         self.task, self.dynamics, self.arm = task, dynamics, dynamics.arm
-        self.functions = (*dynamics.clearances, *task.functions(scene))
-        """Functions of distances from obstacles, and those of the task."""
+        self.functions = (*dynamics.field, *dynamics.clearances, *task.functions(scene))
+        """Functions of the field and of distances from obstacles, and those of the task."""
         self.interval = Interval(dynamics, self._asks_for_closest())
         self.features = self.interval.features
         self.actions = tuple(f"action{k + 1}" for k in range(len(dynamics.commands)))
