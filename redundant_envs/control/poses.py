@@ -44,11 +44,11 @@ def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
     return best @ inverse
 
 
-def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
-    """The pose with the tip at the goal that loads the motors least, reached by the shortest turns; that of
-    :func:`pose_at`, with its arguments, if the goal is out of reach."""
+def lightest_pose(scene: Scene, start: Array, goal: Array, tolerance: float = 0.0) -> Array:
+    """The pose with the tip within ``tolerance`` [m] of the goal that loads the motors least, reached by the
+    shortest turns; that of :func:`pose_at`, with its arguments, if the goal is out of reach."""
     robot, b = scene.robot, scene.robot.motor_map
-    poses, _ = holding_poses(scene, goal)
+    poses, _ = holding_poses(scene, goal, tolerance)
     out = np.isnan(poses).any(axis=1)
     poses[out] = pose_at(scene, start[out], goal[out])
     turns = np.round((start - poses) @ b / (2.0 * np.pi))
@@ -60,7 +60,7 @@ def lightest_pose(scene: Scene, start: Array, goal: Array) -> Array:
 
 def poses_at(model: NominalModel, goals: Array, start: Array, grid: int) -> Array:
     """Poses phi (n, m, joints) with the tip at the goals (n, 2) m, each turned as near as possible to the
-    start (n, joints); NaN where a goal is out of reach. ``grid`` values of each parameter of
+    start (n, joints); where a goal is out of reach they are that of :func:`pose_at`. ``grid`` values of each parameter of
     :func:`~redundant_envs.control.holding.goal_poses` cover all poses; an arm of two joints has two."""
     free = model.joints - goals.shape[-1]
     axis = np.linspace(0.0, np.pi, grid)
@@ -68,8 +68,11 @@ def poses_at(model: NominalModel, goals: Array, start: Array, grid: int) -> Arra
     sheets = np.arange(num_sheets(model.arm))[:, None]
     travel = slider_travel(model.static)
     q = goal_poses(model.arm, travel, goals[:, None, None], psi.reshape(grid**free, free), sheets)
-    phi = q.reshape(len(goals), -1, model.joints) @ model.b
-    return turned_near(model, phi, start[:, None])
+    phi = turned_near(model, q.reshape(len(goals), -1, model.joints) @ model.b, start[:, None])
+    out = np.isnan(phi).any(axis=(1, 2))
+    if out.any():
+        phi[out] = (pose_at(model.scene, start[out] @ model.inverse, goals[out]) @ model.b)[:, None]
+    return phi
 
 
 def turned_near(model: NominalModel, phi: Array, start: Array) -> Array:

@@ -1,0 +1,80 @@
+"""Resolved motion rate control (Whitney 1969) with a null-space term (Liegeois 1977): joint paths along which
+the tip follows given points, while the posture improves as far as that leaves freedom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.control.nominal import NominalModel
+
+Array = NDArray[np.float64]
+DAMPING = 1e-5  # m^2, of the inverse near singular poses: it changes a step by 1 % where sigma is 3 cm
+SLIDERS = 0.06  # weight of sliders in the inverse, those of turns being 1: their travel is short
+LARGEST_STEP = 0.3  # rad or m, of a joint between two points
+STEP = 1e-4  # rad and m, of central differences
+MOST_SLOPE = 4.0  # of log manipulability, which has no bound near singular poses
+CENTRING = 6.0  # 1/s, of sliders towards the middle of their travel
+
+
+def resolved_motion(
+    model: NominalModel, phi: Array, targets: Array, dt: float,
+    posture: Callable[[Array], Array] | None,
+) -> Array:  # fmt: skip
+    """Joint paths (m, points, joints) from poses phi (m, joints) at the first of the targets (m, points, 2).
+
+    Parameters
+    ----------
+    model : NominalModel
+    phi, targets : Array
+        m.
+    dt : float
+        s, between the targets.
+    posture : callable or None
+        phi -> rates (m, joints), of which the part acts that moves no tip.
+    """
+    path = np.empty((*targets.shape[:2], model.joints))
+    path[:, 0] = phi
+    for k in range(1, targets.shape[1]):
+        drift = None if posture is None else dt * posture(phi)
+        phi = phi + _step(model, phi, targets[:, k] - model.tip(phi), drift)
+        phi = phi + _step(model, phi, targets[:, k] - model.tip(phi), None)  # the arm's curvature
+        path[:, k] = phi
+    return path
+
+
+def _step(model: NominalModel, phi: Array, way: Array, drift: Array | None) -> Array:
+    """The step (m, joints) that moves the tip by ``way`` (m, 2), plus the part of the drift in the null
+    space; a slider at an end of its travel does not leave it, and the others make up for it."""
+    jacobian, (low, high) = model.jacobian(phi), model.travel
+    free = np.ones_like(phi)
+    weight = np.where(model.slides, SLIDERS, 1.0)
+    for _ in range(1 + model.slides.sum()):
+        freed = jacobian * free[:, None]
+        across = weight[:, None] * freed.transpose(0, 2, 1)
+        inverse = across @ np.linalg.inv(freed @ across + DAMPING * np.eye(2))
+        step = (inverse @ way[..., None])[..., 0]
+        if drift is not None:
+            part = free * drift
+            step += part - (inverse @ (freed @ part[..., None]))[..., 0]
+        leaves = ((phi <= low) & (step < 0.0)) | ((phi >= high) & (step > 0.0))
+        if not leaves.any():
+            break
+        free[leaves] = 0.0
+    step = np.clip(step * free, -LARGEST_STEP, LARGEST_STEP)
+    return np.clip(phi + step, low, high) - phi
+
+
+def mobility_slopes(model: NominalModel, phi: Array) -> Array:
+    """Slopes (m, joints) of the logarithm of manipulability (Yoshikawa 1985) by the joints; those of sliders
+    are replaced by rates to the middle of their travel, 1/s."""
+    around = phi[:, None] + STEP * np.concatenate([np.eye(model.joints), -np.eye(model.joints)])
+    log = np.log(np.maximum(model.arm.manipulability(around @ model.inverse), STEP))
+    slopes = np.clip((log[:, : model.joints] - log[:, model.joints :]) / (2.0 * STEP), -MOST_SLOPE, MOST_SLOPE)
+    if not model.slides.any():
+        return slopes
+    low, high = (end[model.slides] for end in model.travel)
+    slopes[:, model.slides] = CENTRING * (0.5 * (low + high) - phi[:, model.slides])
+    return slopes
