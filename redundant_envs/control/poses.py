@@ -15,17 +15,20 @@ MARGIN = 0.02  # share of the travel kept free at its ends by the plan
 ITERATIONS, DAMPING = 60, 1e-4  # of the search for a pose
 
 
-def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
+def pose_at(scene: Scene, start: Array, goal: Array, movable: Array | None = None) -> Array:
     """A pose (n, joints) with the tip at the goal (n, 2) m, near the start (n, joints), by damped
-    Gauss-Newton in joint coordinates; if that does not converge, the nearest pose that it found."""
+    Gauss-Newton in joint coordinates; if that does not converge, the nearest pose that it found. Joints of
+    which ``movable`` (n, joints) is 0 stay."""
     robot, b = scene.robot, scene.robot.motor_map
     inverse = np.linalg.inv(b)  # q = B^-T phi
     phi = start @ b
     best, best_error = phi.copy(), np.full(len(phi), np.inf)
+    movable = np.ones_like(phi) if movable is None else movable
     values, low, high = scene.parameters(), np.full(len(b), -np.inf), np.full(len(b), np.inf)
     for joint, (lower, upper) in scene.travel().items():
         margin = MARGIN * (values[upper] - values[lower])
         low[joint], high[joint] = values[lower] + margin, values[upper] - margin
+    low, high = (np.where(movable > 0.0, end, phi) for end in (low, high))
     for _ in range(ITERATIONS):
         q = phi @ inverse
         error = goal - robot.forward_kinematics(q)
@@ -33,7 +36,7 @@ def pose_at(scene: Scene, start: Array, goal: Array) -> Array:
         better = size < best_error
         best[better], best_error[better] = phi[better], size[better]
         jacobian = robot.jacobian(q) @ inverse.T  # with respect to phi
-        free = np.ones_like(phi)
+        free = movable.copy()
         for _ in range(3):  # joints at the end of their travel are held, the others make up for it
             freed = jacobian * free[:, None, :]
             across = freed.transpose(0, 2, 1)  # damped least squares
