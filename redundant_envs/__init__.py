@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from redundant_envs.model.listing import bill, listing
     from redundant_envs.model.torch_step import torch_step as torch_step  # not in __all__
     from redundant_envs.model.trajectory import simulate
-    from redundant_envs.robots import RPRP, Arm, Chain, FourR
+    from redundant_envs.robots import RPRP, Arm, Chain, FourR, TwoR
     from redundant_envs.scenes.scene import Scene, load_scene
     from redundant_envs.scenes.tableaus import Tableau
     from redundant_envs.tasks import GoalReachTask, ReachTask, Task
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _NAMES = {
-    "robots": ("Arm", "RPRP", "FourR", "Chain"),
+    "robots": ("Arm", "RPRP", "FourR", "TwoR", "Chain"),
     "scenes.scene": ("Scene", "load_scene"),
     "model.batch": ("BatchSimulator", "Event", "Numerics"),
     "model.trajectory": ("simulate",),
@@ -47,7 +47,7 @@ _HOMES = {name: f"{home}:{name}" for home, names in _NAMES.items() for name in n
 _HOMES["effects"] = "effects"  # a module itself
 __all__ = [
     "RPRP", "Arm", "BatchSimulator", "Chain", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask",
-    "Scene", "Tableau", "Task", "animate", "bill", "check_vec_env", "effects", "listing", "load_scene",
+    "Scene", "Tableau", "Task", "TwoR", "animate", "bill", "check_vec_env", "effects", "listing", "load_scene",
     "register_arm", "register_effect", "register_integrator", "register_task", "simulate",
 ]  # fmt: skip
 """The public names, but for ``make_sb3`` and ``torch_step``: they need torch, and ``import *`` must not."""

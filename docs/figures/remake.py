@@ -1,7 +1,7 @@
 """Make the pictures of the README and of docs/ again, and the README's results: python docs/figures/remake.py
 
-It takes a minute, trains nothing and measures nothing. Clips and thumbnails show the policies in policies/;
-figures are drawn from the tables in docs/results.
+It takes a minute, trains nothing and measures nothing. Clips and thumbnails show the policies in policies/,
+those of an arm without any computed torque; figures are drawn from the tables in docs/results.
 """
 
 import re
@@ -15,6 +15,7 @@ from PIL import Image
 
 import redundant_envs as rde
 from redundant_envs.control import ComputedTorque
+from redundant_envs.envs.registration import full_id
 from redundant_envs.envs.rendering import stated_limits
 from redundant_envs.robots import drawn
 from redundant_envs.support.disk import write_text
@@ -25,7 +26,7 @@ from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.evidence.table import results_of
 from redundant_envs_train.play import play
 from redundant_envs_train.policies import load_policy
-from redundant_envs_train.rollout import policy_act, stacked
+from redundant_envs_train.rollout import expert_act, policy_act, stacked
 from redundant_envs_train.run_folder import own_config
 from studies.__main__ import main
 from studies.strength import figure, read_rows
@@ -43,8 +44,9 @@ CLIPS = {"rprp_reach": "RPRPReach-v0-sac", "four_r_reach": "FourRReach-v0-sac"}
 THUMBNAILS = {
     "rprp_reach": ("RPRPReach-v0-sac", 4), "rprp_goal_reach": ("RPRPGoalReach-v0-her", 6),
     "four_r_reach": ("FourRReach-v0-sac", 4), "four_r_goal_reach": ("FourRGoalReach-v0-her", 6),
+    "two_r_reach": ("TwoRReach-v0", 4), "two_r_goal_reach": ("TwoRGoalReach-v0", 6),
 }  # fmt: skip
-"""Thumbnail -> policy and seed."""
+"""Thumbnail -> policy, or id for computed torque, and seed."""
 MOMENT = 18
 """Control steps of the episode that a thumbnail shows the last of."""
 SIDE = 160
@@ -67,10 +69,12 @@ COLOURS = {"ideal": "#0072B2", "scene": "#D55E00"}
 
 def thumbnail(name: str, policy: str, seed: int) -> None:
     """A small picture of an arm on its way to the goal."""
-    folder = POLICIES / policy
-    config = own_config(folder)
-    act = policy_act(load_policy(folder, config, trust=False))
-    env = gym.make(config.env, render_mode="rgb_array", **config.env_kwargs)
+    env_id, kwargs, act = full_id(policy), {}, expert_act()
+    if (folder := POLICIES / policy).is_dir():
+        config = own_config(folder)
+        env_id, kwargs = config.env, config.env_kwargs
+        act = policy_act(load_policy(folder, config, trust=False))
+    env = gym.make(env_id, render_mode="rgb_array", **kwargs)
     unwrapped = env.unwrapped
     obs, _ = env.reset(seed=seed)
     for step in range(MOMENT):
@@ -195,7 +199,7 @@ if __name__ == "__main__":
     save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
     for name in SCENES:
         save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
-    arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach")]
+    arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach", "two_r_reach")]
     pictures = [drawn.schematic(scene.robot, stated_limits(scene)) for scene in arms]
     write_text(FIGURES / "arms.svg", side_by_side(pictures))
     main(["accuracy", "--redraw", str(RESULTS / "accuracy")])

@@ -19,7 +19,7 @@ from sources import DOCS, ROOT
 import redundant_envs as rde
 from redundant_envs import control
 from redundant_envs.envs.named import page as page_of
-from redundant_envs.envs.registration import IDS, SCENES, id_of
+from redundant_envs.envs.registration import IDS, id_of, scene_of
 from redundant_envs.envs.rendering import stated_limits
 from redundant_envs.model.listing import Operations
 from redundant_envs.robots.drawn import schematic
@@ -28,19 +28,20 @@ from redundant_envs.scenes.scene import scene_names
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.disk import write_text
 from redundant_envs.support.tables import markdown
+from redundant_envs_train.rollout import expert_act
 from studies.effects import Study, load_study
 
 sys.path.insert(0, str(DOCS / "examples"))
 from play_with_numpy import load
 
 TASKS = (rde.ReachTask, rde.GoalReachTask)
-OWN_IDS = [id_of(arm, task.name) for arm in ("RPRP", "FourR") for task in TASKS]
+OWN_IDS = [id_of(arm, task.name) for arm in ("RPRP", "FourR", "TwoR") for task in TASKS]
 """Ids of the package: a process may have registered others."""
 POLICIES = {
     "RPRPReach-v0": "RPRPReach-v0-sac", "FourRReach-v0": "FourRReach-v0-sac",
     "RPRPGoalReach-v0": "RPRPGoalReach-v0-her", "FourRGoalReach-v0": "FourRGoalReach-v0-her",
 }  # fmt: skip
-"""Shipped policies that the clips show."""
+"""Shipped policies that the clips show; the other clips show computed torque."""
 SEED, FRAMES, EVERY, FPS = 6, 50, 2, 25
 HEADS = [name.replace("_", " ") for name in Operations._fields]
 COMMANDS = {
@@ -96,13 +97,13 @@ def environments() -> dict[str, str]:
         env = gym.make(env_id)
         spaces = {"Action space": env.action_space, "Observation space": env.observation_space}
         rows = [("Import", f'`gymnasium.make("{env_id}")`'), *((k, f"`{v}`") for k, v in spaces.items())]
-        text = inspect.cleandoc(page_of(type(env.unwrapped), SCENES[arm]))
+        text = inspect.cleandoc(page_of(type(env.unwrapped), scene_of(*IDS[env_id])))
         first, _, rest = text.partition("\n\n## Description")
         made[f"environments/{name}.md"] = f"""# {name}
 
 {first}
 
-![{name}: a trained policy reaches for its goal]({name}.gif)
+![{name}: {"a trained policy" if name in POLICIES else "computed torque"} reaches for its goal]({name}.gif)
 
 {markdown(("", ""), rows, formatted=True)}
 
@@ -123,10 +124,14 @@ observation, reward, terminated, truncated, info = env.step(env.action_space.sam
 
 
 def played(env_id: str) -> np.ndarray:
-    """Frames of an episode with a shipped policy, run by NumPy."""
-    act = load(ROOT / "policies" / POLICIES[env_id.partition("/")[2]] / "policy.npz")
+    """Frames of an episode with a shipped policy, run by NumPy, or with computed torque."""
     env = gym.make(env_id, render_mode="rgb_array")
     observation, _ = env.reset(seed=SEED)
+    if policy := POLICIES.get(env_id.partition("/")[2]):
+        act = load(ROOT / "policies" / policy / "policy.npz")
+    else:
+        expert = expert_act()
+        act = lambda seen: expert(seen, env.unwrapped.core, 0)  # noqa: E731
     frames = []
     for _ in range(FRAMES):
         frames.append(env.render())

@@ -1,8 +1,8 @@
 """Which goals an arm can hold at rest: the least motor load among all poses with the tip at a goal.
 
-An arm of four joints has two more than a goal needs, so its poses at a goal form a surface. The search
-covers that surface by a grid, in which the stops of the sliders are exact, and goes down from the best
-points of the grid by a pattern search.
+An arm of four joints has two more than a goal needs, so its poses at a goal form a surface; one of two joints
+has two poses. The search covers the surface by a grid, in which the stops of the sliders are exact, and goes
+down from the best points of the grid by a pattern search.
 
 Only static balance counts here. The hold success of an episode requires less: a tip that is slow for a
 fifth of a second need not be at rest. So an arm may hold a few more goals than this computation finds.
@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 Travel = dict[int, tuple[float, float]]
 Sheet = NDArray[np.int64]
 Load = Callable[[Array, Sheet, Array], Array]
-"""Largest effort / limit (...), of x = (psi1, psi2, and with a tolerance the point near the goal), sheets and
-goals (..., 2)."""
+"""Largest effort / limit (...), of x, sheets and goals (..., 2). x (..., parameters + 2) has the parameters psi
+of a pose, and where the tip is near the goal, in units of the tolerance."""
 SLACK = 1e-9  # a goal that is out of reach by at most this distance counts as reached, m: that is rounding
 
 
@@ -47,7 +47,8 @@ def static_efforts(scene: Scene, q: ArrayLike) -> Array:
     if scene.actuation != "joint":
         raise ValueError(f"scene.actuation is {scene.actuation!r}; efforts are those of joints: use 'joint'")
     x = scene_quantities(scene, place)
-    gravity = np.stack(np.broadcast_arrays(*x.each(numbered("G{}", joints))), axis=-1)
+    shape = place.shape[:-1]  # without gravity a force is one number
+    gravity = np.stack([np.broadcast_to(G, shape) for G in x.each(numbered("G{}", joints))], axis=-1)
     efforts: Array = gravity @ np.linalg.inv(arm.motor_map).T
     for a in scene.attached.of(Force):
         efforts -= at_joints(scene, a, "function", x)
@@ -105,9 +106,9 @@ def effort_limits(scene: Scene) -> Array:
     return max_efforts
 
 
-PARAMETERS = 2  # of the poses at a goal
+MOST_PARAMETERS = 2  # of the poses at a goal; with one more a grid takes 25 times as long
 GRID = 25
-"""Points of the grid along either parameter. With 49 the loads of 2000 goals of the reach scenes change by
+"""Points of the grid along each parameter. With 49 the loads of 2000 goals of the reach scenes change by
 at most 1.4e-3, and one alone by more than 1e-3."""
 CANDIDATES = 12  # best local minima of the grid to descend from: a narrow valley looks like several
 ROUNDS, DIRECTIONS = 120, 12  # of the pattern search: a step shrinks from a cell of the grid to 1e-5 of it
@@ -146,8 +147,9 @@ def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tup
         If the scene has effects whose part at rest is not known, or another argument is not as above.
     """
     joints = len(scene.robot.joints)
-    if joints - 2 != PARAMETERS:
-        raise ValueError(f"{scene.robot.kind} has {joints} joints; give an arm of {PARAMETERS + 2}")
+    parameters = joints - 2
+    if not 0 <= parameters <= MOST_PARAMETERS:
+        raise ValueError(f"{scene.robot.kind} has {joints} joints; give an arm of 2 to {MOST_PARAMETERS + 2}")
     limits, travel = effort_limits(scene), slider_travel(scene)
     points = np.asarray(goals, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2:
@@ -157,56 +159,64 @@ def holding_poses(scene: Scene, goals: ArrayLike, tolerance: float = 0.0) -> tup
     margin: Any = not_negative("tolerance", tolerance)
 
     def pose(x: Array, sheet: Sheet, near: Array) -> Array:
-        return goal_poses(scene.robot, travel, near + margin * x[..., 2:], x[..., :2], sheet)
+        return goal_poses(scene.robot, travel, near + margin * x[..., -2:], x[..., :-2], sheet)
 
     def load(x: Array, sheet: Sheet, near: Array) -> Array:
         loads: Array = (np.abs(motor_efforts(scene, pose(x, sheet, near))) / limits).max(axis=-1)
         return np.where(np.isnan(loads), np.inf, loads)
 
     sheets, ring = num_sheets(scene.robot), RING if margin > 0.0 else 0
-    size = max(1, CHUNK // max(sheets * GRID**2 * (1 + ring), CANDIDATES * DIRECTIONS))
+    size = max(1, CHUNK // max(sheets * GRID**parameters * (1 + ring), CANDIDATES * DIRECTIONS))
     q, best = np.full((len(points), joints), np.nan), np.full(len(points), np.inf)
     for start in range(0, len(points), size):
         part = slice(start, start + size)
-        x, sheet, loads = _candidates(load, points[part], sheets, ring)
+        x, sheet, loads = _candidates(load, points[part], sheets, ring, parameters)
         x, loads = _descended(load, points[part], x, sheet, loads, ring)
         least = np.arange(len(x)), loads.argmin(axis=-1)
         q[part], best[part] = pose(x[least], sheet[least], points[part]), loads[least]
     return q, best
 
 
-def _candidates(load: Load, goals: Array, sheets: int, ring: int) -> tuple[Array, Sheet, Array]:
-    """Local minima of the grid at each goal: x (n, m, 4), sheets and loads (n, m)."""
+def _candidates(
+    load: Load, goals: Array, sheets: int, ring: int, parameters: int
+) -> tuple[Array, Sheet, Array]:
+    """Local minima of the grid at each goal: x (n, m, parameters + 2), sheets and loads (n, m)."""
     psi = np.linspace(0.0, np.pi, GRID)
     turn = 2.0 * np.pi * np.arange(ring) / RING
     near = np.vstack([np.zeros(2), np.stack([np.cos(turn), np.sin(turn)], axis=-1)])
-    shape = (len(near), sheets, GRID, GRID)
-    x = np.empty((*shape, 4))
-    x[..., 0], x[..., 1] = psi[:, None], psi
-    x[..., 2:] = near[:, None, None, None]
-    sheet = np.broadcast_to(np.arange(sheets)[:, None, None], shape)
-    loads = load(x, sheet, goals[:, None, None, None, None])
-    edges = [(0, 0)] * (loads.ndim - 2) + [(1, 1)] * 2
-    around = sliding_window_view(np.pad(loads, edges, constant_values=np.inf), (3, 3), (-2, -1))
-    minima = np.where(loads <= around.min(axis=(-2, -1)), loads, np.inf).reshape(len(goals), -1)
-    chosen = np.argpartition(minima, CANDIDATES, axis=-1)[:, :CANDIDATES]
-    return x.reshape(-1, 4)[chosen], sheet.reshape(-1)[chosen], np.take_along_axis(minima, chosen, axis=-1)
+    along, ones = tuple(range(-parameters, 0)), (1,) * parameters  # axes of the grid
+    shape = (len(near), sheets, *[GRID] * parameters)
+    x = np.empty((*shape, parameters + 2))
+    for k, values in enumerate(np.meshgrid(*[psi] * parameters, indexing="ij")):
+        x[..., k] = values
+    x[..., -2:] = near.reshape(-1, 1, *ones, 2)
+    sheet = np.broadcast_to(np.arange(sheets).reshape(-1, *ones), shape)
+    loads = load(x, sheet, goals.reshape(-1, 1, 1, *ones, 2))
+    edges = [(0, 0)] * (loads.ndim - parameters) + [(1, 1)] * parameters
+    around = sliding_window_view(np.pad(loads, edges, constant_values=np.inf), (3,) * parameters, along)
+    minima = np.where(loads <= around.min(axis=along), loads, np.inf).reshape(len(goals), -1)
+    chosen = np.argpartition(minima, min(CANDIDATES, minima.shape[1] - 1), axis=-1)[:, :CANDIDATES]
+    x, sheet = x.reshape(-1, parameters + 2)[chosen], sheet.reshape(-1)[chosen]
+    return x, sheet, np.take_along_axis(minima, chosen, axis=-1)
 
 
 def _descended(
     load: Load, goals: Array, x: Array, sheet: Sheet, best: Array, ring: int
 ) -> tuple[Array, Array]:
-    """Pattern search from candidates x (n, m, 4) with loads (n, m): random directions find creases."""
+    """Pattern search from candidates x (n, m, parameters + 2) with loads (n, m): random directions find
+    creases."""
+    if not ring and x.shape[-1] == 2:
+        return x, best  # nothing is free
     generator, cell = np.random.default_rng(0), np.pi / (GRID - 1)
     step = np.full(best.shape, cell)
     for _ in range(ROUNDS):
-        way = generator.normal(size=(DIRECTIONS, 4))
+        way = generator.normal(size=(DIRECTIONS, x.shape[-1]))
         if not ring:
-            way[:, 2:] = 0.0
+            way[:, -2:] = 0.0
         way /= np.linalg.norm(way, axis=-1, keepdims=True)
         trial = x[:, :, None] + step[:, :, None, None] * way
-        trial[..., :2] = np.clip(trial[..., :2], 0.0, np.pi)  # the ends of a travel are reached exactly
-        trial[..., 2:] /= np.maximum(np.linalg.norm(trial[..., 2:], axis=-1, keepdims=True), 1.0)
+        trial[..., :-2] = np.clip(trial[..., :-2], 0.0, np.pi)  # the ends of a travel are reached exactly
+        trial[..., -2:] /= np.maximum(np.linalg.norm(trial[..., -2:], axis=-1, keepdims=True), 1.0)
         loads = load(trial, sheet[:, :, None], goals[:, None, None])
         least = loads.argmin(axis=-1)[..., None]
         min_loads = np.take_along_axis(loads, least, axis=-1)[..., 0]

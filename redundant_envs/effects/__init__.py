@@ -17,6 +17,7 @@ from redundant_envs.effects.gravity import Gravity as Gravity
 from redundant_envs.effects.half_plane import HalfPlane as HalfPlane
 from redundant_envs.effects.joint_stop import JointStop as JointStop
 from redundant_envs.effects.joint_torque import JointTorque as JointTorque
+from redundant_envs.effects.keep_out import KeepOut as KeepOut
 from redundant_envs.effects.lag import Lag as Lag
 from redundant_envs.effects.limit_spring import LimitSpring as LimitSpring
 from redundant_envs.effects.link_inertia import LinkInertia as LinkInertia
@@ -43,7 +44,8 @@ from redundant_envs.effects.viscous_friction import ViscousFriction as ViscousFr
 from redundant_envs.effects.hooks import (
     Actuation as Actuation, Effect as Effect, Field as Field, Force as Force, Friction as Friction,
     Gap as Gap, Impact as Impact, Impulse as Impulse, Inertia as Inertia, Instant as Instant, Link as Link,
-    Point as Point, PointMass as PointMass, Reading as Reading, Sensing as Sensing, State as State,
+    Obstacle as Obstacle, Point as Point, PointMass as PointMass, Reading as Reading, Sensing as Sensing,
+    State as State,
 )  # fmt: skip
 # isort: on
 

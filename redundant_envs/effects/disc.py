@@ -4,7 +4,7 @@ from functools import reduce
 from typing import Any
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point, named
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Obstacle, Point, named
 from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive, text
 from redundant_envs.language.algebra import arguments_of, clamp, identity, maximum, physics, sqrt
 
@@ -93,6 +93,11 @@ def depth_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
     return depth
 
 
+@physics
+def gap_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
+    return -depth_of_link(xa, ya, xb, yb, centre_x, centre_y, radius)
+
+
 def deepest_of(count: int) -> Any:
     """The guard of an arm with some links: the depth of its deepest point."""
     points = tuple(f"{axis}{k + 1}" for k in range(count) for axis in "xy")
@@ -151,15 +156,21 @@ class Disc(Effect):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if math.hypot(*self.centre) <= self.radius:
-            raise ValueError(f"Disc.radius is {self.radius} m: the disc covers the base; give a smaller one")
+        check_base("Disc", self.centre, self.radius)
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         x, y = self.centre
         return (shapes.Circle((x, y), self.radius),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return _along_links(arm) if self.along_links else (Force(Point(arm.num_masses - 1), **AT_TIP),)
+        at_tip = (Force(Point(arm.num_masses - 1), **AT_TIP),)
+        return (*(_along_links(arm) if self.along_links else at_tip), Obstacle(gap_of_link))
+
+
+def check_base(kind: str, centre: Numbers, radius: float) -> None:
+    """ValueError if a disc covers the base of the arm."""
+    if math.hypot(*centre) <= radius:
+        raise ValueError(f"{kind}.radius is {radius} m: the disc covers the base; give a smaller one")
 
 
 def _along_links(arm: Arm) -> tuple[Hook, ...]:

@@ -2,9 +2,9 @@ import math
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Point, named
+from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, Obstacle, Point, named
 from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, positive, text
-from redundant_envs.language.algebra import physics, sqrt
+from redundant_envs.language.algebra import maximum, physics, sqrt
 from redundant_envs.robots.parameters import SMALLEST
 
 
@@ -14,6 +14,14 @@ def depth_and_normal(x, y, point_x, point_y, normal_x, normal_y):
     inverse = 1.0 / sqrt(normal_x * normal_x + normal_y * normal_y)
     nx, ny = normal_x * inverse, normal_y * inverse
     return (point_x - x) * nx + (point_y - y) * ny, nx, ny
+
+
+@physics
+def gap_of_link(xa, ya, xb, yb, point_x, point_y, normal_x, normal_y):
+    """An end of a straight link is its deepest point."""
+    near, _, _ = depth_and_normal(xa, ya, point_x, point_y, normal_x, normal_y)
+    far, _, _ = depth_and_normal(xb, yb, point_x, point_y, normal_x, normal_y)
+    return -maximum(near, far)
 
 
 LAWS = contact.laws(depth_and_normal)
@@ -78,4 +86,4 @@ class HalfPlane(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         points = range(0 if self.along_links else arm.num_masses - 1, arm.num_masses)
-        return tuple(Force(Point(k), **LAWS) for k in points)
+        return (*(Force(Point(k), **LAWS) for k in points), Obstacle(gap_of_link))

@@ -20,6 +20,7 @@ from redundant_envs.robots.arm import Arm as Arm
 
 # Arguments of functions that are no quantities of the arm.
 ELAPSED, PASSED, CONTROL_DT, SIDE, SPEED = "elapsed", "passed", "control_dt", "side", "speed"
+ENDS_OF_LINK = "xa", "ya", "xb", "yb"  # of a link, in functions of an obstacle
 WHEN = "interval", "instant"
 MAX_INSTANTS = 4
 """Most instants in a scene: each adds a piece to every interval."""
@@ -329,7 +330,25 @@ class Sensing:
     states: tuple[State, ...] = ()
 
 
-Hook = Field | Force | Impulse | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing | Instant
+@dataclass(frozen=True)
+class Obstacle:
+    """Something that the arm may come near. It acts on nothing: tasks and controllers ask how far it is.
+
+    ``gap`` gives the least distance of a straight link from it [m], negative where the link is inside, from
+    the ends of the link, ``xa, ya, xb, yb``, and from numbers of the effect. The obstacles of a scene are
+    counted from 1, in the order of its effects. For obstacle k a task may take ``clearance<k>``, the gap of
+    the nearest link; ``clearance<k>_<j>``, that of link j from the base; and after a control step
+    ``closest<k>``, the least clearance within it.
+    """
+
+    gap: Callable[..., Any]
+    bind: Mapping[str, str] = field(default_factory=dict)
+
+
+Hook = (
+    Field | Force | Impulse | Actuation | Friction | Impact | Gap | PointMass | Inertia | Sensing | Instant
+    | Obstacle
+)  # fmt: skip
 
 
 def states_of(hook: Any) -> tuple[State, ...]:

@@ -34,6 +34,7 @@ class May(enum.Enum):
     POSE = "parameters and the pose"
     OWN_JOINT = "parameters and the position and rate of its own joint"
     STATES = "parameters and states of its effect"
+    LINK = "numbers of its effect and the ends of a link, xa, ya, xb, yb,"
     SPEED = "parameters and on speed, the size of the rate of its joint"
     PARAMETERS = "parameters"
 
@@ -54,6 +55,7 @@ RULES = {
     "damping": Rule(1, May.OWN_JOINT),
     "limit": Rule(1, May.SPEED),
     "after": Rule(1, May.PARAMETERS),
+    "gap": Rule(1, May.LINK),
     "initial": Rule(1, May.START),
     "rate": Rule(1, May.PARAMETERS),
 }
@@ -327,6 +329,8 @@ class _Known:
             return {name} if self.has_instant else None
         if DRAW.fullmatch(name):
             return set() if isinstance(part, State) and field in TAKING_DRAWS else None
+        if isinstance(part, hooks.Obstacle):
+            return set() if name in hooks.ENDS_OF_LINK else None
         is_time = name == hooks.CONTROL_DT or (name == hooks.ELAPSED and field == "closed")
         if is_time or (name == hooks.SPEED and isinstance(part, hooks.Friction)):
             return set()

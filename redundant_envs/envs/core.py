@@ -43,7 +43,7 @@ def first_memory(episode: Episode, layout: Layout, count: int, max_episode_steps
     """The memory of lanes before their first episode: every joint is in the middle of its starts."""
     numbers = {**episode.task.parameters(), "limit": arguments.episode_limit(max_episode_steps)}
     numbers |= episode.randomized.numbers()
-    memory = Memory(episode.dynamics, layout, count, numbers, bool(episode.randomized.drawn))
+    memory = Memory(episode.dynamics, layout, count, numbers, bool(episode.randomized.entries))
     ranges = enumerate(start_ranges(episode.dynamics.scene, episode.task), 1)
     named = {f"phi{k}": 0.5 * (low + high) for k, (low, high) in ranges}
     at_rest = Quantities(named, (episode.arm.coordinates_of_joints,), {})

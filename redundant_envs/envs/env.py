@@ -38,6 +38,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         render_mode: str | None = None,
         on_bad_action: str = "raise",
         task: Mapping[str, Any] | None = None,
+        terminate_on_touch: bool = False,
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
@@ -50,7 +51,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
 
             display()  # a missing package or display is reported at once, not at the first step
         core = Core(
-            scene, 1, make_task(task, self.task_name), None, accuracy, self.env_id,
+            scene, 1, make_task(task, self.task_name, terminate_on_touch), None, accuracy, self.env_id,
             randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys,
         )  # fmt: skip
         self.observation_space, self.action_space = self._take(core)

@@ -13,7 +13,7 @@ import gymnasium as gym
 
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
 from redundant_envs.envs.outputs import ALL, Columns
-from redundant_envs.envs.registration import IDS, MAX_EPISODE_STEPS, SCENES
+from redundant_envs.envs.registration import IDS, scene_of
 from redundant_envs.envs.vector_env import ArmVectorEnv
 from redundant_envs.language.algebra import gives_of
 from redundant_envs.model.programs import environment_simulator
@@ -33,7 +33,7 @@ class _Page:
         if issubclass(owner, ArmVectorEnv):
             single = owner.__name__.removesuffix("VectorEnv") + "Env"
             return f"Native vector form of {single}. Its page: help({owner.__module__}.{single})\n"
-        return page(owner, SCENES[IDS[owner.env_id].arm])
+        return page(owner, scene_of(*IDS[owner.env_id]))
 
 
 def __getattr__(name: str) -> type[Any]:
@@ -120,6 +120,7 @@ def task_table(task: Task) -> str:
         low, high = task.ranges.get(name, (0.0, math.inf))
         allowed = "positive" if high == math.inf else f"above 0, at most {high:g}"
         allowed = f"{low:g} to {high:g}" if low != 0.0 else allowed
+        allowed = "true or false" if isinstance(getattr(task, name), bool) else allowed
         row = f"`{name}`", getattr(task, name), task.units.get(name, ""), allowed, sentences.get(name, "")
         rows.append(row)
     return markdown(("Number", "Default", "Unit", "Allowed", "Meaning"), rows, formatted=True)
@@ -167,7 +168,7 @@ def page(kind: type[Any], scene_name: Any) -> str:
         reward_note=task.reward_note(),
         success_note=task.success_note(),
         start_note=task.start_note(),
-        most_steps=MAX_EPISODE_STEPS,
+        most_steps=task.steps,
         info=info_table(scene, task),
         arguments=argument_table(kind),
         numbers=task_table(task),

@@ -19,7 +19,7 @@ from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_i
 from redundant_envs.model.memory import first
 from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.support.extras import needs
-from redundant_envs.support.values import shown, whole_number
+from redundant_envs.support.values import shown, truth, whole_number
 from redundant_envs.tasks import make_task
 
 with needs("train"):
@@ -39,9 +39,7 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         monitor: bool = True, render_width: int = PICTURE_SIZE, render_height: int = PICTURE_SIZE,
     ) -> None:  # fmt: skip
         self._check_choices(on_bad_action, render_mode, render_width, render_height)
-        if not isinstance(monitor, bool):
-            raise ValueError(f"monitor is {shown(monitor)}; give True or False")
-        self.monitor = monitor
+        self.monitor = truth("monitor", monitor)
         self._made = time.time()
         self._actions: dict[int, NDArray[np.float32]] = {}  # those that wait for a step, by thread
         super().__init__(core.num_envs, *self._take(core))
@@ -140,9 +138,9 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         Give return, length and time of an episode at its end, ``info["episode"]``, as stable-baselines3's
         Monitor does. Without it, wrap the result in a VecMonitor to have them.
     **kwargs
-        Those of ``gymnasium.make``: scene, accuracy, task, on_bad_action, render_mode and sizes,
-        max_episode_steps, randomize, observe_parameters, info_keys (all by default, because they are read
-        at the ends of episodes); and threads, over blocks of 8 environments.
+        Those of ``gymnasium.make``: scene, accuracy, task, terminate_on_touch, on_bad_action, render_mode
+        and sizes, max_episode_steps, randomize, observe_parameters, info_keys (all by default, because they
+        are read at the ends of episodes); and threads, over blocks of 8 environments.
     """
     num_envs = whole_number("num_envs", num_envs)
     if not isinstance(env_id, str):
@@ -162,7 +160,8 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
     spec = gym.spec(full)
     arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
     options = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
-    task = make_task(arguments.pop("task", None), IDS[full].task)
+    ends = arguments.pop("terminate_on_touch", False)
+    task = make_task(arguments.pop("task", None), IDS[full].task, ends)
     arguments["info_keys"] = ALL if arguments.get("info_keys") is None else arguments["info_keys"]
     core = Core(**arguments, num_envs=num_envs, task=task, env_id=full, autoreset=Autoreset.SAME_STEP)
     return SB3VecEnv(core, **options, monitor=monitor)

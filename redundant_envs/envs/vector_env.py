@@ -34,6 +34,7 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,
+        terminate_on_touch: bool = False,
         render_mode: str | None = None,
         accuracy: str | float | None = None,
         threads: int = 1,
@@ -46,9 +47,10 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         self.num_envs = num_envs = whole_number("num_envs", num_envs)
         self.autoreset_mode = autoreset(autoreset_mode)
         self._check_choices(on_bad_action, render_mode, render_width, render_height)
+        named = make_task(task, self.task_name, terminate_on_touch)
         core = Core(
-            scene, num_envs, make_task(task, self.task_name), max_episode_steps, accuracy, self.env_id,
-            threads, randomize, observe_parameters, info_keys, Autoreset[self.autoreset_mode.name],
+            scene, num_envs, named, max_episode_steps, accuracy, self.env_id, threads, randomize,
+            observe_parameters, info_keys, Autoreset[self.autoreset_mode.name],
         )  # fmt: skip
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode

@@ -17,7 +17,6 @@ from redundant_envs.simulator.batch.blocks import Blocks
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import Episode
 from redundant_envs.simulator.lane.fields import LOG, Layout
-from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import traced
 from redundant_envs.support.notebook import as_html, table
 from redundant_envs.tasks import ReachTask, Task
@@ -188,8 +187,7 @@ def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:
     """Operations of an environment beside those of the motion, and bytes beside those of its layout."""
     counts: Counts = {}
     with located():
-        interval = Interval(Dynamics(scene))
-        episode = Episode(interval, task)
+        episode = Episode(Dynamics(scene), task)
         layout = episode.layout()
         each = {"reward": episode.finish_control_step, "observation": episode.observe, "reset": episode.reset}
         functions = {name: traced(name, layout, part) for name, part in each.items()}
@@ -199,7 +197,7 @@ def _of_environment(scene: Scene, task: Task, motion: Layout) -> Counts:
         for part, function in functions.items():
             _add(counts, {part: Counter(), **_counted(reached(function.results), part)})
         # The end of a control step updates the states of effects, too, as the motion does.
-        update = traced("update", layout, interval.update_effect_states)
+        update = traced("update", layout, episode.interval.update_effect_states)
         _add(counts, _counted(reached(update.results), "reward"), -1)
     owners = dict.fromkeys((*episode.draws, "resetting"), "reset") | dict.fromkeys(episode.actions, "action")
     for owner in (owners.get(name, "reward") for name in layout.fields if name not in motion):

@@ -164,7 +164,7 @@ def traced_batch(scene: Scene, track_work: bool, name: str = "") -> Simulator:
 
 def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = (), name: str = "") -> Simulator:
     """The simulator of an environment, traced unless there are facts under its ``name``."""
-    episode = Episode(Interval(Dynamics(scene)), task, observed)
+    episode = Episode(Dynamics(scene), task, observed)
 
     def trace() -> Traced:
         env = EnvironmentKernel(episode)

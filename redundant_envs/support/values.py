@@ -58,6 +58,13 @@ def whole_number(name: str, value: Any) -> int:
     return int(value)
 
 
+def truth(name: str, value: Any) -> bool:
+    """True or False, or a ValueError that names it."""
+    if not isinstance(value, bool):
+        raise ValueError(f"{name} is {shown(value)}; give True or False")
+    return value
+
+
 def check_between(name: str, value: int, least: int, most: int) -> None:
     """ValueError unless a whole number is from ``least`` to ``most``."""
     if not least <= value <= most:

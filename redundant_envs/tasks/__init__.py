@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from redundant_envs.support.modules import classes_in
-from redundant_envs.support.values import check_keys, shown
+from redundant_envs.support.values import check_keys, shown, truth
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.goal_reach import GoalReachTask
 from redundant_envs.tasks.reach import ReachTask
@@ -16,12 +16,20 @@ REGISTRY: dict[str, type[Task]] = {task.name: task for task in classes_in(__name
 """Tasks by their name in ids."""
 
 
-def make_task(task: Mapping[str, Any] | None, name: str) -> Task:
-    """The task of a name, with the numbers of the keyword argument; a "type" in it must be the same name."""
+TOUCH = "terminate_on_touch"
+
+
+def make_task(task: Mapping[str, Any] | None, name: str, terminate_on_touch: bool = False) -> Task:
+    """The task of a name, with the numbers of the keyword argument; a "type" in it must be the same name.
+    ``terminate_on_touch`` sets the field of that name in a task that has it."""
     kind = REGISTRY[name]
+    valid = [field.name for field in dataclasses.fields(kind)]
+    if truth(TOUCH, terminate_on_touch):
+        if TOUCH not in valid:
+            raise ValueError(f"{TOUCH} is True, and {name} has no obstacles that end it; leave it out")
+        task = {**(task or {}), TOUCH: True}
     if task is None:
         return kind()
-    valid = [field.name for field in dataclasses.fields(kind)]
     if not isinstance(task, Mapping):
         raise ValueError(f"task is {shown(task)}; give a mapping of {', '.join(valid)}")
     check_keys("task", task, ["type", *valid])

@@ -11,7 +11,7 @@ from redundant_envs.language.algebra import clamp, gives_of, maximum, minimum, p
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import between, number
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.support.values import plain_data
+from redundant_envs.support.values import plain_data, truth
 
 Function = Callable[..., Any]
 
@@ -48,12 +48,12 @@ class Task:
         Of the task in ids (``RPRP`` + name + ``-v0``) and in ``task={"type": name}``.
     summary : str, default "has a task"
         What the arm does: the sentence that begins with the arm's description goes on with it.
+    steps : int, default 100
+        Control steps after which an episode is truncated, unless ``max_episode_steps`` says another number.
     draws : int, default 0
         Uniform draws at the start of an episode, ``draw1 ..``, beside those of the joints; 0 to 64.
     memory : tuple of str, default ()
         What is remembered from step to step. ``goal_x`` and ``goal_y`` are shown, and set by options.
-    begin_functions : tuple of functions, default ()
-        They give the memory at the start of an episode, but for what is in ``updates``.
     moves : mapping of str to str, default {}
         Memory -> the quantity that it becomes in every step, before anything is measured.
     updates : mapping of str to str, default {}
@@ -66,6 +66,8 @@ class Task:
         Metrics -> their names in ``info``, where these differ.
     held_outputs : tuple of str, default ()
         Metrics that are known only after a step, and kept until the next one.
+    ends : tuple of str, default ()
+        Quantities that end an episode after a step in which one of them is positive (``terminated``).
     angles : mapping of str to (str, str), default {}
         Angles of the task, rad -> names of their sines and cosines.
     goal_functions : tuple of functions, default ()
@@ -91,15 +93,16 @@ class Task:
     static: ClassVar[tuple[str, ...]] = ()
     name: ClassVar[str]
     summary: ClassVar[str] = "has a task"
+    steps: ClassVar[int] = 100
     draws: ClassVar[int] = 0
     memory: ClassVar[tuple[str, ...]] = ()
-    begin_functions: ClassVar[tuple[Function, ...]] = ()
     moves: ClassVar[Mapping[str, str]] = {}
     updates: ClassVar[Mapping[str, str]] = {}
     metrics: ClassVar[tuple[str, ...]] = ()
     flags: ClassVar[tuple[str, ...]] = ()
     labels: ClassVar[Mapping[str, str]] = {}
     held_outputs: ClassVar[tuple[str, ...]] = ()
+    ends: ClassVar[tuple[str, ...]] = ()
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
     goal_functions: ClassVar[tuple[Function, ...]] = ()
     goal_conditioned: ClassVar[bool] = False
@@ -111,6 +114,9 @@ class Task:
         for field in dataclasses.fields(self):
             where = f"{type(self).__name__}.{field.name}"
             argument: Any = getattr(self, field.name)
+            if isinstance(field.default, bool):
+                truth(where, argument)
+                continue
             value = number(where, argument)
             if type(argument) not in (int, float):
                 object.__setattr__(self, field.name, plain_data(argument))
@@ -128,6 +134,10 @@ class Task:
         """The task's quantities for the arm of a scene, those of the reward included."""
         return (full_reach(scene.robot), *self.reward_functions(scene), *self.goal_functions)
 
+    def begin_functions(self, scene: Scene) -> tuple[Function, ...]:
+        """They give the memory at the start of an episode, but for what is in ``updates``."""
+        return ()
+
     def reward_functions(self, scene: Scene) -> tuple[Function, ...]:
         """They compute the terms of the reward, which is their sum. The docstring of each is its formula.
 
@@ -139,6 +149,11 @@ class Task:
     def observation(self, scene: Scene) -> dict[str, str]:
         """Observed quantities in order, each within -1 to 1, with what they mean."""
         raise NotImplementedError(f"{type(self).__name__} does not say what is observed")
+
+    def placements(self, scene: Scene) -> dict[str, str]:
+        """Numbers of effects that the task sets when an episode begins, such as "keep_out.centre[0]", and the
+        quantities of ``begin_functions`` that they become. Options of a reset win over them."""
+        return {}
 
     def reward_terms(self, scene: Scene) -> tuple[str, ...]:
         """Names of the reward terms; their sum is the reward."""

@@ -1,15 +1,17 @@
 """Checks that a task is complete, for the arm of a scene, before anything is compiled."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from redundant_envs.compiler import dialect
 from redundant_envs.effects import baked_numbers
 from redundant_envs.effects.baked_numbers import Described, Owner
 from redundant_envs.effects.bound_hooks import identifier
+from redundant_envs.effects.obstacles import distance_names
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered
 from redundant_envs.language.quantities import check_names, givers_of
+from redundant_envs.scenes.numbers import entries_of
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.values import check_declared, with_fields
 from redundant_envs.tasks.base import Task
@@ -30,7 +32,7 @@ def check_task(task: Task, scene: Scene) -> None:
     """
     kind, arm = type(task).__name__, scene.robot
     check_declared(f"the task {kind}", task, Task)
-    functions = (*task.functions(scene), *task.begin_functions)
+    functions = (*task.functions(scene), *task.begin_functions(scene))
     for f in functions:
         dialect.check(f)
     equations = (*arm.functions, *(f for f in (arm.held_dynamics, arm.slider_mobility) if f is not None))
@@ -41,6 +43,7 @@ def check_task(task: Task, scene: Scene) -> None:
         **dict.fromkeys(numbered("draw{}", task.draws), "a draw of the episode"),
         **dict.fromkeys(task.aliases(scene), "an end of the travel of a slider"),
         "interval": "the control interval", "steps": "control steps of the episode before this one",
+        **dict.fromkeys(distance_names(scene.attached, arm), "a distance from an obstacle"),
         "ended": "whether a fault ends the episode",
         "paid": "what the other terms of the reward have paid in the episode",
     }  # fmt: skip
@@ -51,7 +54,7 @@ def check_task(task: Task, scene: Scene) -> None:
     check_names(f"{arm.kind}.functions", (name for f in equations for name in gives_of(f)), reserved)
     taken = dict.fromkeys(known, f"of the arm {arm.kind}") | reserved
     of_angles = [name for pair in task.angles.values() for name in pair]
-    begun = {name for f in task.begin_functions for name in gives_of(f)}
+    begun = {name for f in task.begin_functions(scene) for name in gives_of(f)}
     shared = dict.fromkeys(("masses", "lengths"), f"of the arm {arm.kind}: options of a reset set them")
     for field, names, more in (
         ("functions", givers_of(functions), {}),
@@ -79,11 +82,29 @@ def check_task(task: Task, scene: Scene) -> None:
             raise ValueError(f"{kind}.{field} has {label!r}, which info has already; choose another name")
     if not 0 <= task.draws <= MAX_DRAWS:
         raise ValueError(f"{kind}.draws is {task.draws}; give 0 to {MAX_DRAWS}")
+    _check_placements(task, scene, begun)
     if not task.observation(scene):
         raise ValueError(f"{kind}.observation is empty; give at least one quantity")
     _check_rewards(task, scene)
     if not dialect.is_own(type(task)):  # tests of the package hold this of its own tasks
         _check_captured(task, scene)
+
+
+def _check_placements(task: Task, scene: Scene, begun: Iterable[str]) -> None:
+    """ValueError unless a task sets numbers of effects, which no range draws, to quantities of a start."""
+    kind, of_effects = type(task).__name__, [name for name in scene.parameters() if "." in name]
+    drawn = {
+        name for names in entries_of(scene, scene.randomize, task.parameters()).values() for name in names
+    }
+    for number, quantity in task.placements(scene).items():
+        if number not in of_effects:
+            known = ", ".join(of_effects) or "none"
+            raise ValueError(f"{kind}.placements has {number!r}; the scene's effects have {known}")
+        if number in drawn:
+            raise ValueError(f"{kind}.placements has {number!r}, which the scene draws; leave out its range")
+        if quantity not in begun:
+            choices = ", ".join(sorted(begun)) or "nothing"
+            raise ValueError(f"{kind}.placements gives {quantity!r}; begin_functions give {choices}")
 
 
 def _check_captured(task: Task, scene: Scene) -> None:
@@ -112,15 +133,26 @@ def _check_captured(task: Task, scene: Scene) -> None:
 
 def task_described(task: Task, scene: Scene) -> Described:
     """Everything that an environment takes from a task, but for its numbers."""
-    functions = (*task.functions(scene), *task.begin_functions)
+    functions = (*task.functions(scene), *task.begin_functions(scene))
     description: Described = {"the number of functions": str(len(functions))}
     for f in functions:
         description[f"the function of {', '.join(gives_of(f))}"] = baked_numbers.function_described(f)
-    names = ("draws", "memory", "moves", "updates", "metrics", "flags", "labels", "held_outputs", "angles")
+    names = (
+        "draws",
+        "memory",
+        "moves",
+        "updates",
+        "metrics",
+        "flags",
+        "labels",
+        "held_outputs",
+        "angles",
+        "ends",
+    )
     attributes = {name: getattr(task, name) for name in (*names, "goal_conditioned", "speed_bound_ends")}
     attributes |= {
         "reward_terms": task.reward_terms(scene), "observation": tuple(task.observation(scene)),
-        "aliases": task.aliases(scene),
+        "aliases": task.aliases(scene), "placements": task.placements(scene),
         "start_range": [task.start_range(scene, joint) for joint in range(len(scene.robot.joints))],
     }  # fmt: skip
     return description | {name: repr(value) for name, value in attributes.items()}

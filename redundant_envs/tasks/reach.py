@@ -3,7 +3,7 @@
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from redundant_envs.language.algebra import (
     numbered,
@@ -56,22 +56,34 @@ def success(hold_new, hold_steps):
     return where(hold_new >= hold_steps, 1.0, 0.0)
 
 
-@physics(gives="far_term")
-def far_term(distance, reach):
-    """0.25 tolerance(distance, 0.5 reach)"""
-    return 0.25 * tolerance(distance, 0.5 * reach)
+def terms_of_distance(
+    weights: tuple[float, float, float], precise: str = "goal_tolerance", share: float = 1.0, factor: str = ""
+) -> tuple[Callable[..., Any], ...]:
+    """The far, the near and the precise term of a reward with these weights.
+
+    The precise one falls to a half at a ``share`` of ``precise``, a number of the task; with ``factor`` the
+    quantity of that name multiplies them all.
+    """
+    margins = ("far", 0.5, ""), ("near", 0.1, ""), ("precise", share, precise)
+    pairs = zip(margins, weights, strict=True)
+    return tuple(distance_term(name, weight, part, of, factor) for (name, part, of), weight in pairs)
 
 
-@physics(gives="near_term")
-def near_term(distance, reach):
-    """0.25 tolerance(distance, 0.1 reach)"""
-    return 0.25 * tolerance(distance, 0.1 * reach)
+def distance_term(name: str, weight: float, share: float, number: str, factor: str) -> Callable[..., Any]:
+    """A term that falls to a half at a share of a number of the task, or of 1, in reaches."""
+    numbers, factors = ([word] if word else [] for word in (number, factor))
 
+    @physics(gives=f"{name}_term", takes=("distance", "reach", *numbers, *factors))
+    def distance_term(distance, reach, *values):
+        width = share * values[0] if numbers and share != 1.0 else values[0] if numbers else share
+        scale = weight * values[-1] if factors else weight
+        return scale * tolerance(distance, width * reach)
 
-@physics(gives="precise_term")
-def precise_term(distance, reach, goal_tolerance):
-    """0.36 tolerance(distance, goal_tolerance reach)"""
-    return 0.36 * tolerance(distance, goal_tolerance * reach)
+    parts = [f"{share:g}"] * (share != 1.0 or not numbers) + numbers
+    distance_term.__doc__ = (
+        f"{' '.join([f'{weight:g}', *factors])} tolerance(distance, {' '.join(parts)} reach)"
+    )
+    return distance_term
 
 
 def effort_term(joints: int) -> Callable[..., Any]:
@@ -203,15 +215,16 @@ class ReachTask(Task):
     name = "Reach"
     summary = "brings its tip to a goal and holds it there"
     draws = 2
-    memory = ("goal_x", "goal_y", "hold", "touched")
-    begin_functions = (goal_polar, goal_position)
+    memory: ClassVar[tuple[str, ...]] = ("goal_x", "goal_y", "hold", "touched")
     updates = {"hold": "hold_new", "touched": "touched_new"}
-    metrics = ("is_success", "touched_new", "distance", "manipulability")
-    flags = ("is_success", "touched_new")
+    metrics: ClassVar[tuple[str, ...]] = ("is_success", "touched_new", "distance", "manipulability")
+    flags: ClassVar[tuple[str, ...]] = ("is_success", "touched_new")
     labels = {"touched_new": "touch_success"}
-    held_outputs = ("is_success", "touched_new")
+    held_outputs: ClassVar[tuple[str, ...]] = ("is_success", "touched_new")
     angles = {"goal_angle": ("goal_s", "goal_c")}
     goal_functions = (goal_error, goal_reward)
+    weights: ClassVar[tuple[float, float, float]] = (0.25, 0.25, 0.36)
+    """Of the terms of the reward that fall with the distance: far, near and precise."""
     units = {
         **Task.units, **dict.fromkeys(("goal_tolerance", "inner", "outer"), "reaches"),
         "hold_speed": "reaches/s", "hold_steps": "control steps", "rate_scale": "rad/s or m/s",
@@ -234,16 +247,31 @@ class ReachTask(Task):
                 f"ReachTask.inner is {self.inner}, outer is {self.outer}; inner must be below outer"
             )
 
+    def begin_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
+        return goal_polar, goal_position
+
     def reward_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         joints = len(scene.robot.joints)
-        return (
-            far_term, near_term, precise_term, effort_term(joints), settle_term, rate_term(joints), end_term,
-        )  # fmt: skip
+        efforts, rates = effort_term(joints), rate_term(joints)
+        return (*self.distance_terms(), efforts, self.settling_term, rates, end_term)
+
+    def distance_terms(self) -> tuple[Callable[..., Any], ...]:
+        """The first terms of the reward, which fall with the distance."""
+        return terms_of_distance(self.weights)
+
+    @property
+    def settling_term(self) -> Callable[..., Any]:
+        """It gives ``settle_term``."""
+        return settle_term
+
+    def success_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
+        """They give ``hold_new``, ``touched_new`` and ``is_success``."""
+        return hold_counter, success
 
     def functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         arm = scene.robot
         return (
-            *super().functions(scene), tip_speed, hold_counter, success, observed_rates(arm),
+            *super().functions(scene), tip_speed, *self.success_functions(scene), observed_rates(arm),
             *observed_travel(arm), observed_tip, observed_goal,
         )  # fmt: skip
 

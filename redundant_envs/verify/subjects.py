@@ -10,7 +10,7 @@ from redundant_envs.effects import Effect, Field, Gravity
 from redundant_envs.envs import registration
 from redundant_envs.robots import REGISTRY as ARMS
 from redundant_envs.robots.arm import Arm
-from redundant_envs.scenes.scene import Scene, load_scene, scene_at, scene_names
+from redundant_envs.scenes.scene import Scene, load_scene, scene_names
 from redundant_envs.support.modules import module_named
 from redundant_envs.support.values import required, shown
 from redundant_envs.tasks import REGISTRY as TASKS
@@ -125,4 +125,4 @@ def _made(name: str, kind: type[Any]) -> Any:
 
 
 def _environment(name: str, env_id: str, task: Mapping[str, Any] | None = None) -> Subject:
-    return Subject(name, scene_at(registration.SCENES[registration.IDS[env_id].arm], None), env_id, task)
+    return Subject(name, load_scene(registration.scene_of(*registration.IDS[env_id])), env_id, task)

@@ -17,14 +17,13 @@ from redundant_envs.compiler.tracing.flow import Program
 from redundant_envs.compiler.tracing.graph import uncollected
 from redundant_envs.effects import EffortLimits, ViscousFriction
 from redundant_envs.envs.core import first_memory
-from redundant_envs.envs.registration import MAX_EPISODE_STEPS, check_motors
+from redundant_envs.envs.registration import check_motors
 from redundant_envs.scenes.scene import Scene, check_scene
 from redundant_envs.simulator.batch.environment import EPISODE_KEY, Autoreset, EnvironmentKernel, KernelCall
 from redundant_envs.simulator.batch.hosts import arm_kernel, arm_quantities, prepare_kernel
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import TABLES, Episode
 from redundant_envs.simulator.lane.fields import LOG, PARAMETER, STATE
-from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.support.disk import write_bytes, write_text
 from redundant_envs.tasks.base import Task
 from redundant_envs.tasks.checks import check_task
@@ -40,8 +39,9 @@ class Module(NamedTuple):
     description: dict[str, Any]
 
 
-def environment_module(scene: Scene, task: Task, max_episode_steps: int | None = MAX_EPISODE_STEPS) -> Module:
-    """The environment of a scene and a task, as a module of two lanes.
+def environment_module(scene: Scene, task: Task, endless: bool = False) -> Module:
+    """The environment of a scene and a task, as a module of two lanes; ``endless`` episodes are not truncated
+    after the steps of the task.
 
     Its kernels are ``environment``, which steps, resets and observes; ``prepare``, which computes what
     follows from parameters and is to be called when one was changed; ``arm``, which tells positions, J, M, h
@@ -50,13 +50,13 @@ def environment_module(scene: Scene, task: Task, max_episode_steps: int | None =
     check(scene, task)
     with uncollected():
         dynamics = Dynamics(scene)
-        episode = Episode(interval := Interval(dynamics), task)
+        episode = Episode(dynamics, task)
         environment = EnvironmentKernel(episode, WASM.lanes)
         layout = environment.blocks.layout
-        arm = arm_kernel(interval.features, layout, WASM.lanes)
+        arm = arm_kernel(episode.features, layout, WASM.lanes)
         kernels = [environment.p, prepare_kernel(dynamics, layout, WASM.lanes), arm]
         code = wasm.module(Program(kernels))
-    memory = first_memory(episode, episode.layout(), 1, max_episode_steps)
+    memory = first_memory(episode, episode.layout(), 1, None if endless else task.steps)
     robot = scene.robot
     description = {
         "format": FORMAT,

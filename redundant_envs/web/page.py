@@ -113,7 +113,7 @@ def _content(policies: Path | None) -> tuple[bytes, list[str]]:
 
 def _of_arm(arm: str, policies: Path | None, add_bytes: Any) -> dict[str, Any]:
     scene = page_scene(arm)
-    code, description = environment_module(scene, ReachTask(), max_episode_steps=None)
+    code, description = environment_module(scene, ReachTask(), endless=True)
     place, switches, entries = add_bytes(code), _switches(scene), {}
     for learner in LEARNERS if policies is not None else ():
         path = policies / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]

@@ -8,9 +8,11 @@ import pytest
 from catalogue import IDS
 
 import redundant_envs as rde
+from redundant_envs.envs.registration import IDS as registered
 
 ID, FOUR_R = "redundant_envs/RPRPReach-v0", "redundant_envs/FourRReach-v0"
-GOAL_IDS, PLAIN_IDS = [i for i in IDS if "Goal" in i], [i for i in IDS if "Goal" not in i]
+PLAIN_IDS, GOAL_IDS = ([i for i in IDS if registered[i].task == task] for task in ("Reach", "GoalReach"))
+"""Of the reach task, with all arms."""
 MODES = ("next_step", "same_step", "disabled")
 STEPS = 6
 """Control steps of a short episode."""
@@ -65,7 +67,8 @@ def begin(env, options=None, seed=None):
 
 def actions(env, steps=2 * STEPS + 3, seed=2):
     """Random actions of some steps, some of them beyond their bounds."""
-    shape = (4,) if isinstance(env, gym.Env) else (env.num_envs, 4)
+    lanes = () if isinstance(env, gym.Env) else (env.num_envs,)
+    shape = (*lanes, env.action_space.shape[-1])
     return np.random.default_rng(seed).uniform(-1.2, 1.2, (steps, *shape)).astype(np.float32)
 
 

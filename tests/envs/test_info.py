@@ -125,7 +125,7 @@ def test_attributes_are_given_per_environment(env_id):
             np.testing.assert_array_equal(env.get_attr(name, indices=chosen), getattr(env, name)[rows])
     found = env.get_attr("parameters", indices=[0, 2])
     assert [p["gravity.g"].value for p in found] == [1.0, 3.0]
-    assert found[0]["masses"].value.shape == (4,)
+    assert found[0]["masses"].value.shape == (env.scene.robot.num_masses,)
     for name, value in (("q", 0.0), ("parameters", {})):
         with pytest.raises(ValueError, match="set_options"):
             env.set_attr(name, value)

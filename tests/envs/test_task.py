@@ -1,6 +1,7 @@
 """The task: starts and goals, observation, reward, success, early ends, and its numbers."""
 
 import gymnasium as gym
+import gymnasium as gym
 import numpy as np
 import pytest
 from faces import FOUR_R, ID, actions, begin, made, running
@@ -8,7 +9,6 @@ from faces import FOUR_R, ID, actions, begin, made, running
 import redundant_envs as rde
 from redundant_envs.envs.core import start_ranges
 
-ZERO = np.zeros(4, np.float32)
 LANES = 512
 ALL = (-2.0, 2.0), (0.0, 0.25)
 """Ranges of starts without other limits: of revolute joints, rad, and of sliders, m."""
@@ -16,11 +16,16 @@ ALL = (-2.0, 2.0), (0.0, 0.25)
 
 def changed(env_id, *springs, without=()):
     """The scene of an id with limit springs (joint, lower, upper), and without some effects."""
-    data = rde.load_scene("rprp_reach" if "RPRP" in env_id else "four_r_reach").to_dict()
+    data = gym.make(env_id).unwrapped.scene.to_dict()
     data["effects"] = [x for x in data["effects"] if x["type"] not in without]
     for joint, lower, upper in springs:
         data["effects"].append({"type": "LimitSpring", "coordinate": joint, "lower": lower, "upper": upper})
     return data
+
+
+def still(env):
+    """The action without effort."""
+    return np.zeros(env.action_space.shape, np.float32)
 
 
 def at_the_goal(env_id, share=1.0, **options):
@@ -106,9 +111,10 @@ def test_the_observation_of_a_goal_environment_holds_nothing_of_the_goal(goal_id
 
 @pytest.mark.quick("redundant_envs/RPRPReach-v0")
 def test_hold_success_needs_ten_slow_steps_at_the_goal(plain_id):
-    changes = ({}, {"qd": (0.5, 0.0, 0.0, 0.0)}, {"parameters": {"hold_steps": 3}})
+    joints = len(made("single", plain_id).scene.robot.joints)
+    changes = ({}, {"qd": (0.5, *(joints - 1) * (0.0,))}, {"parameters": {"hold_steps": 3}})
     slow, fast, short = (
-        [env.step(ZERO)[4] for _ in range(12)] for env in (at_the_goal(plain_id, **c) for c in changes)
+        [env.step(still(env))[4] for _ in range(12)] for env in (at_the_goal(plain_id, **c) for c in changes)
     )
     assert [i["is_success"] for i in slow] == [False] * 9 + [True] * 3
     assert all(i["touch_success"] for i in slow)
@@ -129,8 +135,9 @@ def test_reward_is_the_sum_of_its_terms_and_largest_at_the_goal(plain_id):
     }
     assert sum(terms.values()) == pytest.approx(total + reward, abs=1e-9)
     assert info["episode_steps"] == 100
-    assert at_the_goal(plain_id).step(ZERO)[1] == pytest.approx(1.0, abs=1e-9)
-    assert at_the_goal(plain_id, 0.9).step(ZERO)[1] < 0.9
+    there, near = at_the_goal(plain_id), at_the_goal(plain_id, 0.9)
+    assert there.step(still(there))[1] == pytest.approx(1.0, abs=1e-9)
+    assert near.step(still(near))[1] < 0.9
 
 
 @pytest.mark.long
@@ -139,7 +146,7 @@ def test_goal_environments_pay_one_at_the_goal_and_nothing_elsewhere(goal_id):
     env, single, seen = made("next_step", goal_id, 8), running("single", goal_id), set()
     begin(env, {"goal": begin(env, seed=0)["achieved_goal"] + 0.001}, seed=0)
     for _ in range(100):
-        obs, reward, *_ = env.step(np.zeros((8, 4), np.float32))
+        obs, reward, *_ = env.step(still(env))
         goals = obs["achieved_goal"], obs["desired_goal"]
         near = np.linalg.norm(goals[0] - goals[1], axis=1) <= 0.02 * env.core.reach
         np.testing.assert_array_equal(reward, near)
@@ -152,11 +159,11 @@ def test_goal_environments_pay_one_at_the_goal_and_nothing_elsewhere(goal_id):
 def test_an_early_end_takes_back_what_was_paid_and_says_so(plain_id):
     env = made("single", plain_id, info_keys="all")
     begin(env, seed=0)
-    rewards = [env.step(ZERO)[1] for _ in range(5)]
+    rewards = [env.step(still(env))[1] for _ in range(5)]
     assert min(rewards) > 0.0
     last = env.q
     env.core.memory.write((env.scene.robot.rates[0],), 150.0)
-    obs, reward, terminated, truncated, info = env.step(ZERO)
+    obs, reward, terminated, truncated, info = env.step(still(env))
     assert (terminated, truncated, info["numerics"]) == (True, False, rde.Numerics.SPEED_BOUND)
     assert np.isfinite(obs).all()
     np.testing.assert_array_equal(env.q, last)  # its last good state
@@ -184,5 +191,5 @@ def test_a_start_beyond_springs_tells_how_far():
     for numbers, depth in (({}, 0.25), ({"limit_spring.joint1.upper": 0.5}, 0.75)):
         _, info = env.reset(seed=0, options={"q": (1.25, 1.5, 1.5, 1.5), "parameters": numbers})
         assert info["beyond_limit"] == pytest.approx(depth, abs=1e-12)
-    info = env.step(ZERO)[4]
+    info = env.step(still(env))[4]
     assert info["beyond_limit"] == pytest.approx(max(joints(env)[0, 0] - 0.5, 0.0), abs=1e-12)

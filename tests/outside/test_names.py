@@ -13,7 +13,6 @@ import redundant_envs as rde
 from redundant_envs.algebra import physics
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import Episode
-from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.tasks import ReachTask
 from redundant_envs.tasks.checks import check_task
 
@@ -67,7 +66,7 @@ def laid_out(role, name):
     own = role in TASKS
     task, scene = (TASKS[role](name), scene_of()) if own else (ReachTask(), scene_of(**{role: name}))
     check_task(task, scene)
-    return Episode(Interval(Dynamics(scene)), task).layout()
+    return Episode(Dynamics(scene), task).layout()
 
 
 TAKEN = "interval", "ax", "gravity_g", "action1", "held3", "paid"

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Literal, Self, get_args
 
-from redundant_envs.envs.registration import ARGUMENTS, MAX_EPISODE_STEPS, full_id, ids
+from redundant_envs.envs.registration import ARGUMENTS, IDS, TASKS, full_id, ids
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 
@@ -131,7 +131,7 @@ class Config(Model):
                 raise self._wrong("top_quantiles_to_drop_per_net", fix)
         if isinstance(settings, learners.HERSettings):
             # hindsight needs whole episodes: the first ones are over before the first gradient step
-            least = self.num_envs * self.env_kwargs.get("max_episode_steps", MAX_EPISODE_STEPS)
+            least = self.num_envs * self.env_kwargs.get("max_episode_steps", TASKS[IDS[self.env].task])
             for name, smallest in {"learning_starts": least, "buffer_size": 2 * least}.items():
                 if getattr(settings, name) < smallest:
                     fix = f"with {self.num_envs} environments give at least {smallest}"

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.registration import SCENES
+from redundant_envs.envs.registration import IDS, full_id, scene_of
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support import bounded
 from redundant_envs.support.disk import write_text
@@ -130,7 +130,7 @@ def _same_results(a: Run, b: Run) -> bool:
 
 def _scene(run: Run) -> str:
     """Name of a scene that is not the environment's own; a scene without a name gets a checksum."""
-    default = next(scene for arm, scene in SCENES.items() if run.env.split("/")[-1].startswith(arm))
+    default = scene_of(*IDS[full_id(run.env)])
     scene = run.settings["env_kwargs"].get("scene", default)
     if isinstance(scene, str):
         return "" if scene == default else scene

@@ -11,7 +11,6 @@ import yaml
 from numpy.typing import NDArray
 
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.registration import MAX_EPISODE_STEPS
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.support.disk import disk_errors, write_bytes
@@ -144,7 +143,7 @@ def card(
         "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
         core=core, scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"),
         reaches=isinstance(core.task, ReachTask), motors=WORDS.get(len(core.actions), len(core.actions)),
-        updates=updates, origin=Markdown(ORIGIN[config.algo]), most_steps=MAX_EPISODE_STEPS,
+        updates=updates, origin=Markdown(ORIGIN[config.algo]), most_steps=core.task.steps,
         several=len(layers.inputs) > 1,
         parts=Markdown(", ".join(parts)), inputs=Markdown(" and ".join(parts)),
         count=sum(w.size + b.size for w, b in zip(layers.weights, layers.biases, strict=True)),

@@ -65,9 +65,10 @@ class EnvironmentKernel:
         self.observed = self.blocks.function("observe", episode.observe)
         make, numbers = self.blocks.function, episode.randomized
         self.resets = [make("reset", episode.reset)]
-        if numbers.drawn:  # without joined products, to the bits of numbers that are set from outside
-            prepare = make("prepare", numbers.prepare, joins=False)
-            self.resets = [make("draw", numbers.draw), prepare, *self.resets]
+        if numbers.entries:  # without joined products, to the bits of numbers that are set from outside
+            places = [make("place", episode.place)] if episode.placements else []
+            draws = [make("draw", numbers.draw), *places] if numbers.drawn else places
+            self.resets = [*draws, make("prepare", numbers.prepare, joins=False), *self.resets]
         self.states_begin = bool(episode.dynamics.effect_states.computed)
         """Whether states of effects have a computed value at the start of an episode."""
         if self.states_begin:

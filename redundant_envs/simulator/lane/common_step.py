@@ -165,6 +165,7 @@ class CommonStep:
         """Before an interval; impulses act then."""
         features = self.features
         lane.error = 0.0
+        self.features.watch.clear(lane)
         self.pieces.clear(lane)
         if features.counts_evaluations:
             lane.evaluations = 0.0
@@ -181,7 +182,7 @@ class CommonStep:
         """Before a common step: keep the state, and determine which lanes the step may serve."""
         lane.copy(self.features.saved, to="{}_start")
         lane.error_start = lane.error
-        lane.copy(self.features.counted, to="{}_start")
+        lane.copy((*self.features.counted, *self.features.watch.closest), to="{}_start")
         self.boundaries.begin_laws(lane)
         if self.dynamics.controlled:
             steps = self.least_steps(lane)
@@ -202,6 +203,7 @@ class CommonStep:
     def common_step(self, lane: Lane) -> None:
         """The step of all lanes; one whose piece has no length stays as it is."""
         self.pieces.stays(lane, lambda: self._set_step(lane, lane.h, None))
+        self.features.watch.take(lane)
         self.boundaries.record_pulls(lane)
         if self.features.counts_evaluations and not self.features.local:
             self._count(lane, self.pieces.goes_on(lane))
@@ -234,7 +236,9 @@ class CommonStep:
         if self.features.doubts:
             self._doubt(lane, step, h, moving)
         now = dict(zip(self.dynamics.states, step.state, strict=True))
-        self.features.stiction.keep(lane, lane.values(self.dynamics.states), now)
+        before = lane.values(self.dynamics.states)
+        self.features.stiction.keep(lane, before, now)
+        self.features.watch.note_step(lane, before.values(), now.values(), h)
         lane.set_where(True if moving is None else moving, now)
         for b, watched in zip(self.features.boundaries, step.watched, strict=False):
             lane.set(b.watches, watched[: len(b.watches)])

@@ -9,6 +9,7 @@ from typing import Any
 from redundant_envs.compiler.tracing.graph import owned
 from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached, EffectStates, field_of
+from redundant_envs.effects.obstacles import clearance_functions
 from redundant_envs.language.algebra import ABSENT, gives_of, numbered, physics, total
 from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.language.quantities import Quantities
@@ -108,6 +109,11 @@ class Dynamics:
         for name, unit in zip(self.commands, self.scene.command_units(), strict=True):
             yield Variable(name, unit, "command of a motor", SCRATCH)
         yield from engine("error", "fault")
+
+    @cached_property
+    def clearances(self) -> tuple[Callable[..., Any], ...]:
+        """Functions of the distances of the links from the obstacles."""
+        return clearance_functions(self.scene.attached, self.arm)
 
     @cached_property
     def constant(self) -> frozenset[str]:

@@ -3,13 +3,14 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property, reduce
 from typing import Any
 
 from redundant_envs.effects.hooks import Sensing
+from redundant_envs.effects.obstacles import closest_names
 from redundant_envs.language import algebra
-from redundant_envs.language.algebra import logical_not, maximum, minimum, total, where
+from redundant_envs.language.algebra import any_of, logical_not, maximum, minimum, total, where
 from redundant_envs.language.quantities import Quantities, check_names
 from redundant_envs.scenes.numbers import ends_of, entries_of
 from redundant_envs.scenes.ranges import Range
@@ -43,11 +44,14 @@ fields of the draws."""
 class Episode:
     """Episodes of the lanes of an environment, around their motion."""
 
-    def __init__(self, interval: Interval, task: Task, observed_numbers: tuple[str, ...] = ()) -> None:
+    def __init__(self, dynamics: Dynamics, task: Task, observed_numbers: tuple[str, ...] = ()) -> None:
         """``observed_numbers`` are fields that an observation shows after the quantities of the task."""
-        dynamics, scene = interval.dynamics, interval.dynamics.scene
-        self.interval, self.task, self.dynamics, self.arm = interval, task, dynamics, dynamics.arm
-        self.features = interval.features
+        scene = dynamics.scene
+        self.task, self.dynamics, self.arm = task, dynamics, dynamics.arm
+        self.functions = (*dynamics.clearances, *task.functions(scene))
+        """Functions of distances from obstacles, and those of the task."""
+        self.interval = Interval(dynamics, self._asks_for_closest())
+        self.features = self.interval.features
         self.actions = tuple(f"action{k + 1}" for k in range(dynamics.count))
         starts = (f"u{k + 1}" for k in range(dynamics.count))
         self.draws = (*starts, *(f"draw{k + 1}" for k in range(task.draws)))
@@ -56,7 +60,8 @@ class Episode:
         self.returns = tuple(f"{t}_sum" for t in self.terms)
         self.goal = GOAL if set(GOAL) <= set(task.memory) else ()
         self.held_outputs = (*ENDS, *task.held_outputs)
-        self.randomized = Randomized(dynamics, task.parameters())
+        self.placements = task.placements(scene)
+        self.randomized = Randomized(dynamics, task.parameters(), self.placements)
         self.drawn = tuple(itertools.chain(*self.randomized.fields_by_name.values()))
         """Fields of the numbers that every episode draws anew."""
         of_effects = [name for name in (*scene.parameters(), *scene.states()) if "." in name]
@@ -66,11 +71,18 @@ class Episode:
         self.observed = (*task.observation(scene), *observed_numbers)
         self.sensors = bool(scene.attached.of(Sensing))
         """Whether observations follow from readings of sensors."""
-        has = {"events_sum": bool(interval.features.stops), "error_most": scene.tolerance is not None}
-        counts = interval.features.counts_evaluations
+        has = {"events_sum": bool(self.features.stops), "error_most": scene.tolerance is not None}
+        counts = self.features.counts_evaluations
         spent = (name for name in SPENT if counts and has.get(name, True))
         self.counts: tuple[str, ...] = (*self.returns, *spent, *COUNTS)
         """What a lane remembers of its episode beside its state and the task's memory."""
+
+    def _asks_for_closest(self) -> bool:
+        """Whether the task takes, shows or remembers how near the arm came to an obstacle within a step."""
+        task = self.task
+        taken = {name for f in self.functions for name in algebra.arguments_of(f)}
+        taken |= {*task.metrics, *task.updates.values(), *task.moves.values()}
+        return not taken.isdisjoint(closest_names(self.dynamics.scene.attached))
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:
@@ -112,7 +124,7 @@ class Episode:
     def quantities(self, lane: Lane, known: Mapping[str, Any], functions: Any = None) -> Quantities:
         """Quantities of the arm and the task."""
         if functions is None:
-            functions = (*self.dynamics.functions, *self.task.functions(self.dynamics.scene))
+            functions = (*self.dynamics.functions, *self.functions)
         names = (*self.dynamics.parameters.numbers, *self.task.parameters(), "interval", "steps")
         numbers, angles = {n: lane[n] for n in names}, {**self.arm.sincos, **self.task.angles}
         return Quantities({**numbers, **known}, functions, angles, (), self.aliases)
@@ -120,7 +132,8 @@ class Episode:
     def quantities_now(self, lane: Lane) -> Quantities:
         """The same after an interval."""
         states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
-        return self.quantities(lane, lane.values((*states, *self.task.memory, *self.actions)))
+        memory = (*self.task.memory, *self.actions, *self.features.watch.closest)
+        return self.quantities(lane, lane.values((*states, *memory)))
 
     # ---- a control step --------------------------------------------------------------------------------
 
@@ -180,7 +193,8 @@ class Episode:
             numerics = numerics + where(lane.fault < GIVEN_UP, lane.fault, 0.0)
         lane.numerics = numerics + angle_fault(self.arm, lane)
         lane.steps = lane.steps + 1.0
-        lane.terminated = where(faulty, 1.0, 0.0)
+        ended = any_of([faulty, *(x[name] > 0.0 for name in task.ends)])
+        lane.terminated = where(ended, 1.0, 0.0)
         lane.truncated = where(lane.steps >= lane.limit, 1.0, 0.0)
         lane.set(task.held_outputs, x.each(task.held_outputs))
         if "evaluations_sum" in lane:
@@ -223,16 +237,8 @@ class Episode:
     def reset(self, lane: Lane) -> None:
         """A new episode in the lanes that are ``resetting``, from their draws and their numbers."""
         task, arm = self.task, self.arm
-        functions = (
-            *(f for f in self.dynamics.functions if "phi1" not in algebra.gives_of(f)),
-            *task.functions(self.dynamics.scene), *task.begin_functions, arm.coordinates_of_joints,
-        )  # fmt: skip
         drawn = [m for m in task.memory if m not in task.updates]
-        draws = {name: lane[name] for name in self.draws[self.dynamics.count :]}
-        for joint in range(self.dynamics.count):  # uniform in its range of starts, inside the lane's limits
-            low, high = range_of_starts(task, self.dynamics.scene, joint, lane.__getitem__)
-            draws[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
-        x = self.quantities(lane, draws, functions)
+        x = self._begun(lane)
         values = {name: x[name] for name in (*arm.coordinates, *drawn)}
         remembered = [m for m in (*task.memory, *self.counts) if m not in drawn]
         zero = [*arm.rates, *remembered, *self.features.active, *self.held_outputs]
@@ -242,22 +248,42 @@ class Episode:
         lane.set_where(lane.resetting, {**values, **dict.fromkeys(zero, 0.0)})
         self.begin_states(lane)
 
+    def _begun(self, lane: Lane) -> Quantities:
+        """Quantities of a start, from the draws of the episode."""
+        functions = (
+            *(f for f in self.dynamics.functions if "phi1" not in algebra.gives_of(f)), *self.functions,
+            *self.task.begin_functions(self.dynamics.scene), self.arm.coordinates_of_joints,
+        )  # fmt: skip
+        draws = {name: lane[name] for name in self.draws[self.dynamics.count :]}
+        for joint in range(self.dynamics.count):  # uniform in its range of starts, inside the lane's limits
+            low, high = range_of_starts(self.task, self.dynamics.scene, joint, lane.__getitem__)
+            draws[f"phi{joint + 1}"] = start_position(lane[f"u{joint + 1}"], low, high)
+        return self.quantities(lane, draws, functions)
+
+    def place(self, lane: Lane) -> None:
+        """Numbers of effects that the task sets, in the lanes that are ``resetting``."""
+        x = self._begun(lane)
+        for number, quantity in self.placements.items():
+            here = lane.resetting & logical_not(lane[fixed(number)])
+            lane.set_where(here, {self.dynamics.parameters.field_of(number): x[quantity]})
+
     def begin_states(self, lane: Lane) -> None:
         """States of effects whose values at a start are computed, in the lanes that are ``resetting``."""
         lane.set_where(lane.resetting, self.interval.initial_states(lane))
 
 
 class Randomized:
-    """The ranges of a scene, and of the task of its environments, in a lane."""
+    """The ranges of a scene, and of the task of its environments, in a lane; and the numbers that it sets."""
 
-    def __init__(self, dynamics: Dynamics, of_task: Mapping[str, float]) -> None:
+    def __init__(self, dynamics: Dynamics, of_task: Mapping[str, float], placed: Iterable[str]) -> None:
         self.dynamics = dynamics
         self.drawn: dict[Range, list[str]] = entries_of(dynamics.scene, dynamics.scene.randomize, of_task)
         self._nominal = {**dynamics.scene.parameters(), **of_task}
         field_of = dynamics.parameters.field_of
         self.fields_by_name = {one.name: [*map(field_of, names)] for one, names in self.drawn.items()}
-        """For every range the fields that it draws."""
-        self.entries = [name for names in self.drawn.values() for name in names]
+        self.fields_by_name |= {name: [field_of(name)] for name in placed}
+        """For every range the fields that it draws, and for every number that the task sets its field."""
+        self.entries = [*(name for names in self.drawn.values() for name in names), *placed]
 
     def fields(self) -> Iterator[Variable]:
         """Fields of the lanes: what the draws follow from, and draws of an episode."""

@@ -15,6 +15,7 @@ from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
 from redundant_envs.simulator.lane.event_log import EventLog, NoLog
 from redundant_envs.simulator.lane.faults import Control
 from redundant_envs.simulator.lane.memory import Lane
+from redundant_envs.simulator.lane.obstacles import NoWatch, Watch
 from redundant_envs.simulator.lane.stiction import NoStiction, Stiction
 from redundant_envs.simulator.numerics.error_control import SHARPNESS, SHARPNESS_OF_SPRINGS
 
@@ -22,7 +23,8 @@ from redundant_envs.simulator.numerics.error_control import SHARPNESS, SHARPNESS
 class Features:
     """What the lanes of a scene take care of, beside the equations of its motion."""
 
-    def __init__(self, dynamics: Dynamics) -> None:
+    def __init__(self, dynamics: Dynamics, watches: bool = False) -> None:
+        """``watches``: somebody asks how near the arm comes to obstacles within an interval."""
         self.dynamics, self.scene, self.arm = dynamics, dynamics.scene, dynamics.arm
         attached, controlled = self.scene.attached, dynamics.controlled
 
@@ -79,7 +81,8 @@ class Features:
         self.log = EventLog(several=not controlled) if self.stops and dynamics.track_work else NoLog()
         self.counted = (*(["impacts"] if self.stops else []), *self.log.counted)
         """Fields with counts of an interval, which are restored when it is crossed again or given up."""
-        self.restored = (*self.active, *self.rests, *self.counted)
+        self.watch = Watch(dynamics) if watches else NoWatch()
+        self.restored = (*self.active, *self.rests, *self.counted, *self.watch.closest)
         """Fields that are as they were where an interval begins anew, beside states."""
         several = len(self.stops) > 1 or bool(dynamics.frictions)
         compared = self.control is Control.EQUAL and bool(self.stops) and several

@@ -30,8 +30,9 @@ after any, and half as long."""
 class Interval:
     """The lanes of a scene in a control interval: their procedures and fields."""
 
-    def __init__(self, dynamics: Dynamics) -> None:
-        self.dynamics, self.features = dynamics, Features(dynamics)
+    def __init__(self, dynamics: Dynamics, watches: bool = False) -> None:
+        """``watches`` is for :class:`Features`."""
+        self.dynamics, self.features = dynamics, Features(dynamics, watches)
         self.pieces = pieces_of(self.features)
         self.boundaries = Boundaries(self.features, self.pieces)
         self.step = CommonStep(self.boundaries)
@@ -42,6 +43,7 @@ class Interval:
         dynamics, features = self.dynamics, self.features
         yield from dynamics.fields(self.pieces.length)
         yield from self.pieces.fields()
+        yield from features.watch.fields(features.local)
         if not features.local:
             if features.counts_evaluations:
                 yield from engine("evaluations")

@@ -241,11 +241,12 @@ class RepeatedPieces(Pieces):
         """Where the interval has to be crossed again: the lane as it was before its first piece."""
         features, zero = self.features, (*self.features.counted, *self.dynamics.passed)
         of_pieces = "error", "piece_end", "error_carried", "shortest_step", "steps_taken"
-        names = (*features.saved, *zero, *of_pieces)
+        names = (*features.saved, *zero, *of_pieces, *features.watch.closest)
         after = lane.get(names)
         lane.copy(features.saved, of=features.origin)
         lane.set(zero, [0.0] * len(zero))
         self._begin_attempt(lane)
+        features.watch.clear(lane)
         jumps.strike(features, lane)
         for name, value in zip(names, after, strict=True):
             lane[name] = where(lane.again, lane[name], value)

@@ -222,6 +222,7 @@ class LaneProgram:
 
     def moved(self, lane: Lane) -> Found:
         lane.left, lane.elapsed = lane.left - lane.step, lane.elapsed + lane.step
+        self.features.watch.take(lane)
         for b in self.features.stops:
             b.note_released(lane)
         self.note_left(lane)
@@ -249,6 +250,7 @@ class LaneProgram:
         spent = lane.step + piece.time
         lane.left, lane.elapsed = lane.left - spent, lane.elapsed + spent
         lane.at_stop = sought.bounces
+        self.features.watch.take(lane)
         for (b, position), side, is_sought in zip(positions.items(), beyond, sought.chosen, strict=True):
             b.arrive(lane, is_sought, side, position)
         features.stiction.stick(lane)

@@ -1,0 +1,59 @@
+"""How far the links of an arm are from the obstacles of a scene, as quantities by name."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+from typing import Any
+
+from redundant_envs.effects.bound_hooks import Attached, Attachments
+from redundant_envs.effects.hooks import ENDS_OF_LINK, Obstacle
+from redundant_envs.language.algebra import gives_of, minimum, numbered, physics
+from redundant_envs.robots.arm import Arm
+
+
+def clearance_functions(attached: Attachments, arm: Arm) -> tuple[Callable[..., Any], ...]:
+    """They give ``clearance<k>_<j>`` [m] of obstacle k and link j, and ``clearance<k>`` of the nearest."""
+    functions = []
+    for k, obstacle in enumerate(attached.of(Obstacle), start=1):
+        names = [f"clearance{k}_{j + 1}" for j in range(arm.num_masses)]
+        functions += [_of_link(obstacle, name, j) for j, name in enumerate(names)]
+        functions.append(least_of(names, f"clearance{k}"))
+    return tuple(functions)
+
+
+def closest_names(attached: Attachments) -> tuple[str, ...]:
+    """Names of the least clearances from the obstacles within an interval."""
+    return tuple(numbered("closest{}", len(attached.of(Obstacle))))
+
+
+def distance_names(attached: Attachments, arm: Arm) -> list[str]:
+    """Names of all distances from the obstacles."""
+    return [*(n for f in clearance_functions(attached, arm) for n in gives_of(f)), *closest_names(attached)]
+
+
+def _of_link(obstacle: Attached[Obstacle], name: str, link: int) -> Callable[..., Any]:
+    """The gap of a link; the first one begins at the base."""
+    ends = [f"{axis}{n}" for n in (link, link + 1) if n for axis in "xy"]
+    numbers = [n for n in obstacle.functions["gap"].names if n not in ENDS_OF_LINK]
+
+    @physics(gives=name, takes=(*ends, *numbers))
+    def clearance(*values: Any) -> Any:
+        places = values[: len(ends)] if link else (0.0, 0.0, *values[: len(ends)])
+        return gap_of_link(obstacle, places, dict(zip(numbers, values[len(ends) :], strict=True)))
+
+    return clearance
+
+
+def least_of(names: Sequence[str], name: str) -> Callable[..., Any]:
+    """A function that gives the least of some quantities under a name."""
+
+    @physics(gives=name, takes=names)
+    def least(*values: Any) -> Any:
+        return reduce(minimum, values)
+
+    return least
+
+
+def gap_of_link(obstacle: Attached[Obstacle], places: Sequence[Any], numbers: Mapping[str, Any]) -> Any:
+    """The gap of a link whose ends are at these places (xa, ya, xb, yb), m."""
+    gap, known = obstacle.functions["gap"], dict(zip(ENDS_OF_LINK, places, strict=True))
+    return gap.on(known[n] if n in known else numbers[n] for n in gap.names)

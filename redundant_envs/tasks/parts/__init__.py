@@ -1,0 +1,1 @@
+"""Parts of tasks: no module here is a task of its own."""
