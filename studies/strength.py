@@ -27,7 +27,7 @@ from redundant_envs.tasks.reach import ReachTask
 from redundant_envs_train.config import Config, checked, load
 from redundant_envs_train.evidence.curves import EXPERT_COLOR, LEARNER_COLORS
 from redundant_envs_train.evidence.runs import Run, read_groups
-from redundant_envs_train.rollout import EVALUATION_SEED, expert_act, run_episodes
+from redundant_envs_train.rollout import EVALUATION_SEED, computed_torque_act, run_episodes
 from redundant_envs_train.run_folder import check_study
 from redundant_envs_train.statistics import wilson
 from redundant_envs_train.training.many import train_many
@@ -109,7 +109,7 @@ def expert_rows(
     for factor in factors:
         rows.append(Row(arm, factor, HOLDABLE, *_share(loads <= factor), None, 0, episodes))
         for who, pose in POSES.items():
-            outcome = run_episodes(env_id, expert_act(pose), episodes, seed, scene=weakened(scene, factor))
+            outcome = run_episodes(env_id, computed_torque_act(pose), episodes, seed, scene=weakened(scene, factor))
             assert outcome.hold is not None
             assert outcome.touch is not None  # reach tasks tell both
             touched = float(outcome.touch.mean())

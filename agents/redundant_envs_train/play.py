@@ -1,4 +1,4 @@
-"""Watch an environment: a trained policy, or zero, random or expert actions."""
+"""Watch an environment: a trained policy, or zero, random, expert or near actions."""
 
 import os
 import sys
@@ -17,12 +17,12 @@ from redundant_envs.support.figures import check_clip, write_clip
 from redundant_envs.support.values import check_between, say, shown
 
 from .config import MAX_EPISODES, Config
-from .rollout import Act, expert_act, policy_act, random_act, stacked
+from .rollout import Act, computed_torque_act, expert_act, policy_act, random_act, stacked
 from .run_folder import own_config, tell_differences
 
 ACTIONS: dict[str, Callable[[int], Act]] = {
     "zero": lambda seed: lambda obs, core, step: np.zeros((core.num_envs, len(core.actions)), np.float32),
-    "random": random_act, "expert": lambda seed: expert_act(),
+    "random": random_act, "expert": lambda seed: expert_act(), "near": lambda seed: computed_torque_act(),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
 CLIP_EVERY = 2  # control steps from frame to frame

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.control.nominal import NominalModel
+from redundant_envs.effects.hooks import Obstacle
 from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.values import shown
 
 Array = NDArray[np.float64]
 DISC = {"centre[0]", "centre[1]", "radius"}  # numbers of an effect that is a disc, with contact or without
@@ -16,9 +18,13 @@ DISC = {"centre[0]", "centre[1]", "radius"}  # numbers of an effect that is a di
 
 def discs_of(scene: Scene, numbers: Mapping[str, Array]) -> Array:
     """Centre x, y and radius [m] of each disc of a scene in each lane, (n, discs, 3), from numbers by name."""
-    keys = [effect.key for effect in scene.effects if DISC <= effect.parameters().keys()]
-    if not keys:
-        raise ValueError("scene has no disc; add KeepOut(centre, radius) to its effects")
+    effects = dict.fromkeys(a.effect for a in scene.attached.of(Obstacle))
+    if not effects:
+        raise ValueError("scene has no obstacle; add KeepOut(centre, radius) to its effects")
+    for effect in effects:
+        if not DISC <= effect.parameters().keys():
+            raise ValueError(f"effects has {shown(effect)}; plans know obstacles that are discs: KeepOut, Disc")
+    keys = [effect.key for effect in effects]
     parts = [np.column_stack([numbers[f"{key}.centre"], numbers[f"{key}.radius"]]) for key in keys]
     return np.stack(parts, axis=1)
 

@@ -123,6 +123,7 @@ class ReachLightTask(ReachTask):
 
     name = "ReachLight"
     summary = "brings its tip to a goal and holds it there with little effort"
+    expert = "redundant_envs.control.experts.reach_light:ReachLight"
     metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "load", "cost", "rest")
     labels = {**ReachTask.labels, "rest": "load_at_rest"}
     held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "load", "cost")

@@ -11,7 +11,7 @@ import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
 from redundant_envs import __version__
-from redundant_envs.envs.registration import full_id, ids
+from redundant_envs.envs.registration import IDS, full_id, ids
 from redundant_envs.scenes.files import exists
 from redundant_envs.scenes.scene import scene_at
 from redundant_envs.support.disk import free_bytes
@@ -19,12 +19,14 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.modules import IMPORTED
 from redundant_envs.support.progress import counted
 from redundant_envs.support.values import shown
+from redundant_envs.tasks import REGISTRY as TASKS
+from redundant_envs.tasks import Task
 
 from ..play import ACTIONS, act_of
 from ..rollout import Act, recorded
 from ..run_folder import check_out, new_folder, own_config
 
-ACTORS = {"expert": "computed torque", "random": "random actions"}
+ACTORS = {"expert": "expert", "near": "computed torque", "random": "random actions"}
 ABOUT = (
     "Episodes of {} by {}, with the seeds {} to {}. Reset with the seed of an episode, the environment gives "
     "its observations for its actions, to the last bit. infos begin at the reset, as observations do: effort "
@@ -35,10 +37,10 @@ EPISODE_BYTES = 50_000  # more than an episode needs; a full disk ends HDF5 with
 
 
 def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path, trust: bool = False) -> int:
-    """Write episodes of "expert", "random", or a folder's policy as a Minari dataset; episode k has the seed
+    """Write episodes of "expert", "near", "random", or a folder's policy as a Minari dataset; episode k has the seed
     ``seed + k``. Returns their control steps."""
     if who not in ACTORS and not exists(Path(who)):
-        raise ValueError(f"source is {shown(who)}; give expert, random, or the folder of a run or policy")
+        raise ValueError(f"source is {shown(who)}; give {', '.join(ACTORS)}, or the folder of a run or policy")
     config = None if who in ACTORS else own_config(Path(who))
     env_id = full_id(env or (config.env if config else ""))
     if env_id not in ids() or (config and env_id != config.env):
@@ -59,7 +61,7 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
     act = act_of(Path(who), config, trust) if config else None
     make = (lambda seed: act) if act else ACTIONS[who]
     spec = spec_of(env_id, config.env_kwargs if config else {})
-    actor, name = config.label if config else ACTORS[who], re.sub(r"[^-\w]", "_", out.absolute().name)
+    actor, name = config.label if config else actor_of(who, env_id), re.sub(r"[^-\w]", "_", out.absolute().name)
     with new_folder(out) as part:
         single = gym.make(spec)
         storage = MinariStorage.new(part / "data", single.observation_space, single.action_space, spec)
@@ -70,6 +72,14 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
         })  # fmt: skip
         storage.update_episodes(EpisodeBuffer(*one) for one in _played(spec, make, episodes, seed))
         return int(storage.total_steps)
+
+
+def actor_of(who: str, env_id: str) -> str:
+    """Who acts, in words; the expert of a task that names none is computed torque."""
+    task = TASKS[IDS[env_id].task]
+    if who == "expert":
+        return ACTORS["near"] if task.expert == Task.expert else f"expert of {task.name}"
+    return ACTORS[who]
 
 
 def spec_of(env_id: str, env_kwargs: Mapping[str, Any]) -> EnvSpec:

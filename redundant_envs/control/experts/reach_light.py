@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.control.experts.planned import Planned
-from redundant_envs.control.holding import PARAMETERS
 from redundant_envs.control.poses import cheapest, far_apart, lightest_pose, poses_at
 from redundant_envs.control.time_law import Motion, quickest, timed
 
@@ -29,12 +28,10 @@ class ReachLight(Planned):
         loads, far = model.loads_at_rest(poses).max(axis=-1), far_apart(model, poses, start[:, None])
         ends, costs = (x[:, 0] for x in cheapest(poses, np.where(loads < most, far, np.inf), 1))
         heavy = np.flatnonzero(np.isinf(costs))
-        if model.joints == PARAMETERS + goal.shape[1]:
+        if len(heavy):
             tolerance = NEAR_GOAL * numbers["goal_tolerance"].min() * model.lengths_beyond[0]
             q = lightest_pose(model.static, start[heavy] @ model.inverse, goal[heavy], tolerance)
             ends[heavy] = q @ model.b
-        else:  # the grid has all poses
-            ends[heavy] = cheapest(poses[heavy], loads[heavy], 1)[0][:, 0]
         ways = np.linspace(start, ends, 3, axis=1)
         seconds, _ = quickest(model, ways, TIMES, MOST_EFFORT)
         return timed(ways, seconds, self.dt, int(np.rint(TIMES[-1] / self.dt)))
