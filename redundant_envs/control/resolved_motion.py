@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 DAMPING = 1e-5  # m^2, of the inverse near singular poses: it changes a step by 1 % where sigma is 3 cm
 SLIDERS = 0.06  # weight of sliders in the inverse, those of turns being 1: their travel is short
 LARGEST_STEP = 0.3  # rad or m, of a joint between two points
+EVERY = 2  # points for which a posture's rates serve: they change little, and take most of the time
 STEP = 1e-4  # rad and m, of central differences
 MOST_SLOPE = 4.0  # of log manipulability, which has no bound near singular poses
 CENTRING = 6.0  # 1/s, of sliders towards the middle of their travel
@@ -37,34 +38,32 @@ def resolved_motion(
     """
     path = np.empty((*targets.shape[:2], model.joints))
     path[:, 0] = phi
+    drift = np.zeros_like(phi)
     for k in range(1, targets.shape[1]):
-        drift = None if posture is None else dt * posture(phi)
-        phi = phi + _step(model, phi, targets[:, k] - model.tip(phi), drift)
-        phi = phi + _step(model, phi, targets[:, k] - model.tip(phi), None)  # the arm's curvature
-        path[:, k] = phi
+        if posture is not None and k % EVERY == 1:
+            drift = dt * posture(phi)
+        phi = _moved(model, phi, targets[:, k], drift)
+        path[:, k] = phi = _moved(model, phi, targets[:, k], np.zeros_like(phi))  # for the arm's curvature
     return path
 
 
-def _step(model: NominalModel, phi: Array, way: Array, drift: Array | None) -> Array:
-    """The step (m, joints) that moves the tip by ``way`` (m, 2), plus the part of the drift in the null
-    space; a slider at an end of its travel does not leave it, and the others make up for it."""
+def _moved(model: NominalModel, phi: Array, target: Array, drift: Array) -> Array:
+    """Poses (m, joints) with the tips nearer to the targets (m, 2), and the part of the drift in the null space.
+    A slider at an end of its travel does not leave it, and the other joints make up for it."""
     jacobian, (low, high) = model.jacobian(phi), model.travel
-    free = np.ones_like(phi)
+    way, free = target - model.tip(phi), np.ones_like(phi)
     weight = np.where(model.slides, SLIDERS, 1.0)
     for _ in range(1 + model.slides.sum()):
         freed = jacobian * free[:, None]
         across = weight[:, None] * freed.transpose(0, 2, 1)
         inverse = across @ np.linalg.inv(freed @ across + DAMPING * np.eye(2))
-        step = (inverse @ way[..., None])[..., 0]
-        if drift is not None:
-            part = free * drift
-            step += part - (inverse @ (freed @ part[..., None]))[..., 0]
+        part = free * drift
+        step = part + (inverse @ (way[..., None] - freed @ part[..., None]))[..., 0]
         leaves = ((phi <= low) & (step < 0.0)) | ((phi >= high) & (step > 0.0))
         if not leaves.any():
             break
         free[leaves] = 0.0
-    step = np.clip(step * free, -LARGEST_STEP, LARGEST_STEP)
-    return np.clip(phi + step, low, high) - phi
+    return np.clip(phi + np.clip(free * step, -LARGEST_STEP, LARGEST_STEP), low, high)
 
 
 def mobility_slopes(model: NominalModel, phi: Array) -> Array:

@@ -15,12 +15,12 @@ from redundant_envs.control.poses import far_apart
 from redundant_envs.control.time_law import evenly
 
 Array = NDArray[np.float64]
-FEW, MANY = np.linspace(0.1, 0.9, 5), np.linspace(0.0, 1.0, 41)
+FEW, MANY = np.linspace(0.1, 0.9, 5), np.linspace(0.0, 1.0, 31)
 """Shares of a line at which it is examined: at the few first, and the many where these are free."""
-NEIGHBOURS = 12  # edges of a node: with more, the ways are hardly shorter, and each round takes longer
+NEIGHBOURS = 9  # edges of a node: with more, the ways are hardly shorter, and each round takes longer
 LARGEST_TURN = 2.8  # rad from the start, of the poses that are drawn
 ROUNDS = 60  # blocked ways after which a road map is given up
-SHORTCUTS, TRIES = 6, 24  # rounds of shortening, and pairs of points that each tries
+SHORTCUTS, TRIES = 4, 20  # rounds of shortening, and pairs of points that each tries
 
 
 def is_free(

@@ -14,7 +14,7 @@ from redundant_envs.control.poses import far_apart
 
 Array = NDArray[np.float64]
 POINTS = 201  # of a way: its corners are rounded over 12 points and more
-SAMPLES = np.linspace(0.0, 1.0, 61)  # shares of the time at which efforts are compared with their limits
+SAMPLES = np.linspace(0.0, 1.0, 41)  # shares of the time at which efforts are compared with their limits
 
 
 class Motion(NamedTuple):

@@ -16,11 +16,11 @@ from redundant_envs.control.time_law import Motion, quickest, timed
 Array = NDArray[np.float64]
 Lanes = NDArray[np.intp]
 GRID, APART = 9, 4  # of the poses at the first point, and of those in order every so many: neighbours are alike
-ROUNDS = (1, 3, 6, 6)  # first poses that are tried at a time, in lanes where none before them serves
+ROUNDS = (1, 4, 11)  # first poses that are tried at a time, in lanes where none before them serves
 MOBILE = 2.0  # distance in joint space that is gone for the most mobile first pose
-MOST_ERROR, MOST_EFFORT = 0.002, 0.85  # m, and of a limit: a plan within both serves
+MOST_ERROR, MOST_EFFORT = 0.002, 0.92  # m, and of a limit: a plan within both serves
 PER_ERROR = 100.0  # 1/m: a plan that misses the curve by 1 cm is as bad as one that takes twice the limits
-PER_EFFORT = 20.0  # distance in joint space that is gone for an approach with one limit less
+PER_EFFORT = 20.0  # distance in joint space that is gone for an approach with less effort, by one limit
 HURRY = 0.95  # of the time before the target moves: after this share the arm is there
 CURVE = (
     "phase", "spin", "along", "across", "eight", "tilt_s", "tilt_c", "centre_x", "centre_y", "wait", "rise"
@@ -66,22 +66,25 @@ class Track(Planned):
         return motion
 
     def _firsts(self, start: Array, first: Array, wait: int) -> Array:
-        """First poses (n, m, joints) in the order in which they are tried: those come last to which a straight
-        way takes too much effort."""
+        """First poses (n, m, joints) in the order in which they are tried."""
         poses = poses_at(self.model, first, start, GRID)
         poses, costs = cheapest(poses, self._first_costs(poses, start), APART * sum(ROUNDS))
         poses, costs = poses[:, ::APART], costs[:, ::APART]
-        n, m, _ = poses.shape
-        ways = np.linspace(np.repeat(start, m, axis=0), poses.reshape(n * m, -1), 3, axis=1)
-        _, efforts = quickest(self.model, ways, np.array([HURRY * wait * self.dt]), MOST_EFFORT)
-        excess = np.maximum(efforts.reshape(n, m) - MOST_EFFORT, 0.0)
-        return cheapest(poses, costs + PER_EFFORT * excess, m)[0]
+        n, m, joints = poses.shape
+        starts, lanes = np.repeat(start, m, axis=0), np.repeat(np.arange(n), m)
+        lines = self._line_costs(starts, poses.reshape(-1, joints), wait, lanes)
+        return cheapest(poses, costs + lines.reshape(n, m), m)[0]
 
     def _first_costs(self, poses: Array, start: Array) -> Array:
         mobile = self.model.arm.manipulability(poses @ self.model.inverse)
         share = mobile / mobile.max(axis=1, keepdims=True)
         costs: Array = far_apart(self.model, poses, start[:, None]) - MOBILE * share
         return costs
+
+    def _line_costs(self, start: Array, first: Array, wait: int, lanes: Lanes) -> Array:
+        """Costs of straight ways to first poses: of those that take too much effort."""
+        ways, seconds = np.linspace(start, first, 3, axis=1), np.array([HURRY * wait * self.dt])
+        return PER_EFFORT * np.maximum(quickest(self.model, ways, seconds, 1.0)[1] - MOST_EFFORT, 0.0)
 
     def _best_path(self, firsts: Array, targets: Array, lanes: Lanes) -> Array:
         """Of the paths (n, points, joints) from first poses (n, m, joints), the best in each lane."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.control.clearance import clearance, clearance_slopes, discs_of
 from redundant_envs.control.experts.track import PER_ERROR, Lanes, Track
+from redundant_envs.control.road_map import is_free
 from redundant_envs.control.time_law import Motion
 from redundant_envs.control.ways import MARGINS, smooth_ways, ways_to
 from redundant_envs.scenes.scene import Scene
@@ -17,6 +18,7 @@ Array = NDArray[np.float64]
 WIDE = 0.07  # m: links that are nearer to a disc are pushed away from it
 PUSH, STRONGEST = 12.0, 1.5  # rad/s per rad/m: the rates at a disc's surface, and the largest, in those
 MOBILITY = 0.6  # weight of mobility, 1 without discs
+BLOCKED = 8.0  # distance in joint space that is gone for a straight way
 CLEAR, CLEAR_ENOUGH = 20.0, 0.06  # distance in joint space that a metre of clearance is worth, up to so much
 
 
@@ -36,6 +38,10 @@ class TrackAround(Track):
     def _first_costs(self, poses: Array, start: Array) -> Array:
         gaps = clearance(self.model, poses, self._discs[:, None])
         return super()._first_costs(poses, start) - CLEAR * np.minimum(gaps, CLEAR_ENOUGH)
+
+    def _line_costs(self, start: Array, first: Array, wait: int, lanes: Lanes) -> Array:
+        free = is_free(self.model, start, first, self._discs[lanes], MARGINS[0])
+        return super()._line_costs(start, first, wait, lanes) + np.where(free, 0.0, BLOCKED)
 
     def _posture(self, phi: Array, lanes: Lanes) -> Array:
         rates = MOBILITY * super()._posture(phi, lanes)
