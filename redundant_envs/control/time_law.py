@@ -95,3 +95,20 @@ def timed(ways: Array, seconds: Array, dt: float, steps: int) -> Motion:
     s = np.minimum(np.arange(steps + 1) * dt / seconds[:, None], 1.0)
     unit, per = at_shares(ways, s), 1.0 / seconds[:, None, None]
     return Motion(unit.phi, unit.phid * per, unit.phidd * per**2)
+
+
+def quintic(phi: Array, phid: Array, end: Array, seconds: float, dt: float, steps: int) -> Motion:
+    """Motion from states (n, joints) to poses at rest in ``seconds``, by polynomials of fifth degree whose
+    acceleration is 0 at both ends; at rest after."""
+    s = np.minimum(np.arange(steps + 1) * dt / seconds, 1.0)[:, None]
+    share, rate, change = minimum_jerk(s)
+    # beside minimum jerk: a part with the first rate and no way
+    more = s - 6.0 * s**3 + 8.0 * s**4 - 3.0 * s**5
+    more_rate = 1.0 - 18.0 * s**2 + 32.0 * s**3 - 15.0 * s**4
+    more_change = -36.0 * s + 96.0 * s**2 - 60.0 * s**3
+    way, start = (end - phi)[:, None], phid[:, None]
+    return Motion(
+        phi[:, None] + way * share + start * seconds * more,
+        way * rate / seconds + start * more_rate,
+        way * change / seconds**2 + start / seconds * more_change,
+    )

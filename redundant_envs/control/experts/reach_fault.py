@@ -1,4 +1,5 @@
-"""The expert of ReachFault: a motion that may stop in any joint, and a new plan once a brake has closed."""
+"""The expert of ReachFault: a first motion after which, in whichever joint it is stopped, the goal can still be
+reached; and a new plan, without the braked joint, once the brake has closed."""
 
 from __future__ import annotations
 
@@ -7,135 +8,112 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.control.following import Following, leaning, normalized
-from redundant_envs.control.nominal import NominalModel
+from redundant_envs.control.experts.planned import Planned
+from redundant_envs.control.following import leaning, normalized
 from redundant_envs.control.poses import cheapest, far_apart, pose_at, poses_at
-from redundant_envs.control.time_law import Motion, at_shares, quickest, timed
-from redundant_envs.scenes.scene import Scene
+from redundant_envs.control.reachable_values import ReachableValues
+from redundant_envs.control.time_law import Motion, minimum_jerk, quickest, quintic, timed
 
 Array = NDArray[np.float64]
 GRID = 13  # of the poses at a goal
-BINS = 72  # of the values of a joint: 0.09 rad and 3.5 mm wide, in which the poses of the grid leave no gap
-MOST_AT_REST = 0.9  # of a limit, of poses in which the goal is held
-MOST_EFFORT = 0.95  # of a limit, in a motion
-TIMES = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3])  # s, of the first motion
-AFTER = np.array([0.7, 0.9, 1.1, 1.3, 1.6, 2.0])  # s, of the motion with a brake
-WATCHED = np.linspace(0.0, 0.5, 11)  # s, of possible faults
-STARTS = 8
-STEPS = 200
+TRIED = 8  # ends of the first motion whose times are computed, and poses from which a new end is sought
+MOST_AT_REST = 0.9  # of a limit, in poses that hold the goal
+TIMES = np.array([0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.3])  # s, of the first motion
+MOST_FIRST = 1.4  # of a limit, in the first motion: soon is better than exact, since it ends nothing
+GUESS = 0.8  # s, the time of first motions from which the ones to try are chosen
+FAULTS = np.linspace(0.0, 0.5, 11)  # s, of faults that the first motion expects, in any joint
+PER_DISTANCE = 0.01  # risk that is taken for a shorter first motion
+SECOND = (0.7, 0.9, 1.1, 1.3, 1.6, 2.0)  # s, of the motion with a braked joint
+MOST_SECOND = 0.95  # of a limit, in it
+MISS = 2e-3  # m, of an end from the goal
+OFF, HEAVY, MISSED = 20.0, 10.0, 1e4
+"""Distance in joint space that is gone for a pose which has the braked joint where it is, per rad or m; for one
+that no motor holds with more than the share above; and for one at the goal, per metre."""
 
 
-class Fault:
-    def __init__(self, scene: Scene) -> None:
-        self.model = NominalModel(scene)
-        self.following = Following(self.model)
+class ReachFault(Planned):
+    """Plans for all lanes at once, and again for those in which a joint has braked."""
 
     def begin(
         self, q: Array, goal: Array, index: NDArray[np.intp] | None, numbers: Mapping[str, Array]
     ) -> None:
-        model, start, n = self.model, q @ self.model.b, len(q)
         if index is None:
-            index = np.arange(n)
-            self.joint, self.at = np.zeros(n, dtype=np.intp), np.zeros(n)
-            self.begun, self.braked, self.goal = np.zeros(n), np.zeros(n, dtype=np.bool_), np.zeros((n, 2))
-        self.joint[index], self.at[index] = numbers["motor_brake.joint"], numbers["motor_brake.at"]
-        self.begun[index], self.braked[index], self.goal[index] = 0.0, False, goal
+            index, n = np.arange(len(q)), len(q)
+            self._joint, self._braked = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.bool_)
+            self._at, self._since, self._goal = np.zeros(n), np.zeros(n), np.zeros((n, 2))
+            self.following.motion = None
+        self._joint[index], self._at[index] = numbers["motor_brake.joint"], numbers["motor_brake.at"]
+        self._braked[index], self._since[index], self._goal[index] = False, 0.0, goal
+        super().begin(q, goal, index, numbers)
+
+    def plan(self, start: Array, goal: Array, numbers: Mapping[str, Array]) -> Motion:
+        """The straight motion after whose possible stops most often a pose at the goal is left."""
+        model, (n, joints) = self.model, start.shape
         poses = poses_at(model, goal, start, GRID)
-        fit = model.loads_at_rest(poses).max(axis=-1) < MOST_AT_REST
-        allowed = self.values(poses, fit)
-        few, _ = cheapest(poses, self.risk(allowed, start, poses, 0.8, fit), STARTS)
-        ways = np.linspace(np.repeat(start, STARTS, axis=0), few.reshape(-1, model.joints), 41, axis=1)
-        seconds, loads = quickest(model, ways, TIMES, MOST_EFFORT)
-        risk = self.risk(allowed, start, few, seconds.reshape(n, STARTS), np.ones((n, STARTS), bool))
-        best = risk.argmin(axis=1) + STARTS * np.arange(n)
-        self.risks = risk.min(axis=1)
-        self.following.begin(timed(ways[best], seconds[best], self.following.dt, STEPS), index if len(index) < len(self.at) else None)
+        holds = model.loads_at_rest(poses).max(axis=-1) < MOST_AT_REST
+        values = ReachableValues(model, poses, holds)
+        risk = np.where(holds, self._risk(values, start, poses, np.full(holds.shape, GUESS)), np.inf)
+        ends, _ = cheapest(poses, risk, TRIED)
+        ways = np.linspace(np.repeat(start, TRIED, axis=0), ends.reshape(-1, joints), 3, axis=1)
+        seconds, _ = quickest(model, ways, TIMES, MOST_FIRST)
+        risk = self._risk(values, start, ends, seconds.reshape(n, TRIED))
+        best = risk.argmin(axis=1) + TRIED * np.arange(n)
+        return timed(ways[best], seconds[best], self.dt, self._steps)
 
-    def bins(self, phi):
-        low, high = self.model.travel
-        low, width = (np.where(self.model.slides, a, b) for a, b in ((low, 0.0), (high - low, 2.0 * np.pi)))
-        share = (phi - low) / width
-        share = np.where(self.model.slides, np.clip(share, 0.0, 1.0), share % 1.0)
-        return np.minimum((share * BINS).astype(np.intp), BINS - 1)
+    @property
+    def _steps(self) -> int:
+        return int(np.rint(max(TIMES[-1], SECOND[-1]) / self.dt))
 
-    def values(self, poses: Array, fit) -> NDArray[np.bool_]:
-        """Values (n, bins, joints) of each joint with which the goal can be held."""
-        table = np.zeros((len(poses), BINS, self.model.joints), dtype=np.bool_)
-        lane, pose = np.nonzero(fit)
-        table[lane[:, None], self.bins(poses[lane, pose]), np.arange(self.model.joints)] = True
-        return table
+    def _risk(self, values: ReachableValues, start: Array, ends: Array, seconds: Array) -> Array:
+        """Share (n, m) of the faults in straight motions to ends (n, m, joints) that leave no pose."""
+        share, _, _ = minimum_jerk(np.minimum(FAULTS / seconds[..., None], 1.0))
+        stopped = start[:, None, None] + share[..., None] * (ends - start[:, None])[:, :, None]
+        lost = 1.0 - values.include(stopped).mean(axis=(2, 3))
+        risk: Array = lost + PER_DISTANCE * far_apart(self.model, ends, start[:, None])
+        return risk
 
-    def risk(self, allowed, start, poses, seconds, fit):
-        """Share of the possible faults that leave no pose at the goal, of straight motions (n, m)."""
-        model = self.model
-        s = np.minimum(WATCHED / np.broadcast_to(seconds, poses.shape[:2])[..., None], 1.0)[..., None]
-        share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        places = start[:, None, None] + share * (poses - start[:, None])[:, :, None]
-        lane = np.arange(len(start))[:, None, None, None]
-        held = allowed[lane, self.bins(places), np.arange(model.joints)]
-        risk = 1.0 - held.mean(axis=(2, 3))
-        return np.where(fit, risk + 0.01 * far_apart(model, poses, start[:, None]), np.inf)
-
-    def action(self, t: Array, q: Array, qd: Array) -> NDArray[np.float32]:
-        model = self.model
+    def action(self, t: Array | float, q: Array, qd: Array) -> NDArray[np.float32]:
+        """Actions (n, joints) in [-1, 1] at times ``t`` [s] since each episode began."""
+        model, t = self.model, np.broadcast_to(t, len(q))
         phi, phid = q @ model.b, qd @ model.b
-        closed = t >= self.at - 1e-9
-        new = np.flatnonzero(closed & ~self.braked)
+        closed = t >= self._at
+        new = np.flatnonzero(closed & ~self._braked)
         if len(new):
-            self.plan_again(new, phi[new], phid[new])
-            self.begun[new], self.braked[new] = t[new], True
-        since = t - self.begun
-        wanted = self.following.accelerations(since, phi, phid)
-        wanted[closed, self.joint[closed]] = 0.0  # the brake takes what it needs
-        efforts = model.efforts(phi, phid, wanted)
-        resting = (self.following.reference(since)[2] == 0.0).all(axis=1)
-        return normalized(model, leaning(model, efforts, phi, resting))
+            self.following.begin(self._second(new, phi[new], phid[new]), new)
+            self._braked[new], self._since[new] = True, t[new]
+        wanted = self.following.accelerations(t - self._since, phi, phid)
+        wanted[closed, self._joint[closed]] = 0.0  # and the brake takes what the others need for that
+        resting = (self.following.reference(t - self._since)[2] == 0.0).all(axis=1)
+        return normalized(model, leaning(model, model.efforts(phi, phid, wanted), phi, resting))
 
-    def plan_again(self, lanes, phi, phid):
-        model, joint, n = self.model, self.joint[lanes], len(lanes)
-        row = np.arange(n)
-        poses = poses_at(model, self.goal[lanes], phi, GRID)
-        loads = model.loads_at_rest(poses)
-        loads[row, :, joint] = 0.0
-        away = np.abs(poses[row, :, joint] - phi[row, joint][:, None])
-        far = far_apart(model, poses, phi[:, None])
-        costs = far + 20.0 * away + np.where(loads.max(axis=-1) < MOST_AT_REST, 0.0, 10.0)
-        few, _ = cheapest(poses, costs, STARTS)
-        few[row, :, joint] = phi[row, joint][:, None]
-        movable = np.ones((n, STARTS, model.joints))
-        movable[row, :, joint] = 0.0
-        flat = lambda x: x.reshape(-1, x.shape[-1])
-        goals = np.repeat(self.goal[lanes], STARTS, axis=0)
-        ends = pose_at(model.static, flat(few) @ model.inverse, goals, flat(movable)) @ model.b
-        error = np.linalg.norm(model.tip(ends) - goals, axis=-1).reshape(n, STARTS)
-        ends = ends.reshape(n, STARTS, -1)
-        loads = model.loads_at_rest(ends)
-        loads[row, :, joint] = 0.0
-        costs = far_apart(model, ends, phi[:, None]) + 1e4 * np.maximum(error - 0.002, 0.0) + 10.0 * np.maximum(loads.max(axis=-1) - MOST_AT_REST, 0.0)
-        self.found = getattr(self, "found", {})
+    def _second(self, lanes: NDArray[np.intp], phi: Array, phid: Array) -> Motion:
+        """The motion from a state, in which a joint of each lane has just braked, to a pose at the goal."""
+        model, n = self.model, len(lanes)
+        braked = np.arange(model.joints) == self._joint[lanes][:, None]
+        poses = poses_at(model, self._goal[lanes], phi, GRID)
+        off = np.where(braked[:, None], np.abs(poses - phi[:, None]), 0.0).sum(axis=-1)
+        ends, _ = cheapest(poses, OFF * off + self._costs(poses, phi, braked), TRIED)
+        ends = np.where(braked[:, None], phi[:, None], ends).reshape(n * TRIED, -1)
+        goals, movable = (np.repeat(x, TRIED, axis=0) for x in (self._goal[lanes], 1.0 - braked))
+        ends = pose_at(model.static, ends @ model.inverse, goals, movable) @ model.b
+        missed = np.linalg.norm(model.tip(ends) - goals, axis=-1).reshape(n, TRIED)
+        ends = ends.reshape(n, TRIED, -1)
+        costs = MISSED * np.maximum(missed - MISS, 0.0) + self._costs(ends, phi, braked)
         end = cheapest(ends, costs, 1)[0][:, 0]
-        for i, l in enumerate(lanes): self.found[int(l)] = (error[i].min(), costs[i].min())
-        phid = phid.copy(); phid[row, joint] = 0.0
-        best, motion = np.full(n, np.inf), None
-        for seconds in AFTER:
-            trial = between(phi, phid, end, seconds, self.following.dt, STEPS)
-            efforts = np.abs(model.efforts(*trial)) / model.limits
-            efforts[row, :, joint] = 0.0
-            load = efforts.max(axis=(1, 2))
-            better = (load < best) & (best > MOST_EFFORT)
-            if motion is None: motion = trial
-            for a, b in zip(motion, trial): a[better] = b[better]
-            best[better] = load[better]
-        self.following.begin(motion, lanes)
+        rates, best = np.where(braked, 0.0, phid), np.full(n, np.inf)
+        motion = Motion(*np.zeros((3, n, self._steps + 1, model.joints)))
+        for seconds in SECOND:
+            trial = quintic(phi, rates, end, seconds, self.dt, self._steps)
+            shares = np.where(braked[:, None], 0.0, np.abs(model.efforts(*trial)) / model.limits)
+            most = shares.max(axis=(1, 2))
+            better = (most < best) & (best > MOST_SECOND)
+            for table, new in zip(motion, trial, strict=True):
+                table[better] = new[better]
+            best[better] = most[better]
+        return motion
 
-
-def between(phi, phid, end, seconds, dt, steps):
-    """Quintic from a state to a pose at rest."""
-    T, s = seconds, np.minimum(np.arange(steps + 1) * dt / seconds, 1.0)[:, None]
-    way, v = (end - phi)[:, None], phid[:, None] * T
-    a3, a4, a5 = 10.0 * way - 6.0 * v, -15.0 * way + 8.0 * v, 6.0 * way - 3.0 * v
-    p = phi[:, None] + v * s + a3 * s**3 + a4 * s**4 + a5 * s**5
-    d = (v + 3 * a3 * s**2 + 4 * a4 * s**3 + 5 * a5 * s**4) / T
-    dd = (6 * a3 * s + 12 * a4 * s**2 + 20 * a5 * s**3) / T**2
-    over = s >= 1.0
-    return Motion(p, np.where(over, 0.0, d), np.where(over, 0.0, dd))
+    def _costs(self, poses: Array, phi: Array, braked: NDArray[np.bool_]) -> Array:
+        """Costs (n, m) of ends: their distances, and what their motors lack, but for the braked one."""
+        loads = np.where(braked[:, None], 0.0, self.model.loads_at_rest(poses)).max(axis=-1)
+        far: Array = far_apart(self.model, poses, phi[:, None])
+        return far + HEAVY * (loads > MOST_AT_REST)
