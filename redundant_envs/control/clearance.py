@@ -17,13 +17,14 @@ DISC = {"centre[0]", "centre[1]", "radius"}  # numbers of an effect that is a di
 
 
 def discs_of(scene: Scene, numbers: Mapping[str, Array]) -> Array:
-    """Centre x, y and radius [m] of each disc of a scene in each lane, (n, discs, 3), from numbers by name."""
+    """Centre x, y and radius [m] of each disc of a scene in each lane, (n, discs, 3), from the numbers in
+    force by their names. ValueError without an obstacle, or for one that is no disc."""
     effects = dict.fromkeys(a.effect for a in scene.attached.of(Obstacle))
     if not effects:
         raise ValueError("scene has no obstacle; add KeepOut(centre, radius) to its effects")
     for effect in effects:
-        if not DISC <= effect.parameters().keys():
-            raise ValueError(f"effects has {shown(effect)}; plans know obstacles that are discs: KeepOut, Disc")
+        if not effect.parameters().keys() >= DISC:
+            raise ValueError(f"effects has {shown(effect)}; plans know discs alone: use KeepOut or Disc")
     keys = [effect.key for effect in effects]
     parts = [np.column_stack([numbers[f"{key}.centre"], numbers[f"{key}.radius"]]) for key in keys]
     return np.stack(parts, axis=1)

@@ -1,4 +1,4 @@
-"""What a plan knows of a scene: the nominal arm in joint coordinates phi = B^T q, its motors and its travel."""
+"""What plans know of a scene: the nominal arm in joint coordinates phi = B^T q, its motors and its travel."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class NominalModel:
     Raises
     ------
     ValueError
-        If actions are not shares of effort limits, if gravity has a part along x, or if a slider has no stops.
+        If actions are not shares of effort limits, or gravity has a part along x; where the travel is asked
+        for, if a slider has no stops.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -63,8 +63,10 @@ def lightest_pose(scene: Scene, start: Array, goal: Array, tolerance: float = 0.
 
 def poses_at(model: NominalModel, goals: Array, start: Array, grid: int) -> Array:
     """Poses phi (n, m, joints) with the tip at the goals (n, 2) m, each turned as near as possible to the
-    start (n, joints); where a goal is out of reach they are that of :func:`pose_at`. ``grid`` values of each parameter of
-    :func:`~redundant_envs.control.holding.goal_poses` cover all poses; an arm of two joints has two."""
+    start (n, joints); where a goal is out of reach they are that of :func:`pose_at`.
+
+    ``grid`` values of each parameter of :func:`~redundant_envs.control.holding.goal_poses` cover all poses.
+    """
     free = model.joints - goals.shape[-1]
     axis = np.linspace(0.0, np.pi, grid)
     psi = np.stack(np.meshgrid(*[axis] * free, indexing="ij"), axis=-1) if free else np.zeros((1, 0))
@@ -86,7 +88,7 @@ def turned_near(model: NominalModel, phi: Array, start: Array) -> Array:
 
 
 def far_apart(model: NominalModel, a: Array, b: Array) -> Array:
-    """Distance (...) in joint space: each joint weighs as much as the length of the stretched arm beyond it."""
+    """Distance (...) in joint space, in which a joint weighs as the length of the stretched arm beyond it."""
     distance: Array = np.sqrt((model.lengths_beyond * np.square(a - b)).sum(axis=-1))
     return distance
 

@@ -48,8 +48,8 @@ def resolved_motion(
 
 
 def _moved(model: NominalModel, phi: Array, target: Array, drift: Array) -> Array:
-    """Poses (m, joints) with the tips nearer to the targets (m, 2), and the part of the drift in the null space.
-    A slider at an end of its travel does not leave it, and the other joints make up for it."""
+    """Poses (m, joints) with the tips nearer to the targets (m, 2), and moved by the part of the drift in the
+    null space. A slider does not leave its travel, and the other joints make up for it."""
     jacobian, (low, high) = model.jacobian(phi), model.travel
     way, free = target - model.tip(phi), np.ones_like(phi)
     weight = np.where(model.slides, SLIDERS, 1.0)
@@ -71,7 +71,8 @@ def mobility_slopes(model: NominalModel, phi: Array) -> Array:
     are replaced by rates to the middle of their travel, 1/s."""
     around = phi[:, None] + STEP * np.concatenate([np.eye(model.joints), -np.eye(model.joints)])
     log = np.log(np.maximum(model.arm.manipulability(around @ model.inverse), STEP))
-    slopes = np.clip((log[:, : model.joints] - log[:, model.joints :]) / (2.0 * STEP), -MOST_SLOPE, MOST_SLOPE)
+    ahead, behind = log[:, : model.joints], log[:, model.joints :]
+    slopes = np.clip((ahead - behind) / (2.0 * STEP), -MOST_SLOPE, MOST_SLOPE)
     if not model.slides.any():
         return slopes
     low, high = (end[model.slides] for end in model.travel)

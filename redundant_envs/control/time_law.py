@@ -38,11 +38,11 @@ def rounded(ways: Array, width: float) -> Array:
     pad = int(width * ways.shape[1])
     if not pad:
         return ways
-    bell = np.convolve(np.hanning(pad + 2)[1:-1], np.hanning(pad + 3)[1:-1])
+    bell = np.pad(np.convolve(np.hanning(pad + 2)[1:-1], np.hanning(pad + 2)[1:-1]), 1)
     before = 2.0 * ways[:, :1] - ways[:, pad:0:-1]  # a line goes straight on beyond its ends
     after = 2.0 * ways[:, -1:] - ways[:, -2 : -pad - 2 : -1]
     windows = sliding_window_view(np.concatenate([before, ways, after], axis=1), 2 * pad + 1, axis=1)
-    smooth: Array = windows @ np.pad(bell, (0, 2 * pad + 1 - len(bell))) / bell.sum()
+    smooth: Array = windows @ bell / bell.sum()
     return smooth
 
 

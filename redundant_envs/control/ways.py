@@ -42,16 +42,16 @@ def ways_to(
         left = np.array([lane for lane, way in enumerate(ways) if way is None], dtype=np.intp)
         row, k = np.nonzero(np.isfinite(costs[left, some]))
         lane, k = left[row], k + some.start
-        margin = np.where(costs[lane, k] < TIGHT, *MARGINS)
-        free = is_free(model, start[lane], poses[lane, k], discs[lane], margin)
+        margins = np.where(costs[lane, k] < TIGHT, *MARGINS)
+        free = is_free(model, start[lane], poses[lane, k], discs[lane], margins)
         for i, j in zip(lane[free][::-1].tolist(), k[free][::-1].tolist(), strict=True):
             ways[i] = np.stack([start[i], poses[i, j]])
-    for lane in (lane for lane, way in enumerate(ways) if way is None):
+    for i in (i for i, way in enumerate(ways) if way is None):
         for margin in MARGINS:
-            ends = poses[lane, costs[lane] < (TIGHT if margin == MARGINS[0] else np.inf)]
+            ends = poses[i, costs[i] < (TIGHT if margin == MARGINS[0] else np.inf)]
             for nodes in NODES if len(ends) else ():
-                if ways[lane] is None:
-                    ways[lane] = road(model, start[lane], ends, discs[lane], margin, nodes, rng)
+                if ways[i] is None:
+                    ways[i] = road(model, start[i], ends, discs[i], margin, nodes, rng)
     straight = np.stack([start, poses[:, 0]], axis=1)
     return [line if way is None else way for way, line in zip(ways, straight, strict=True)]
 

@@ -37,10 +37,11 @@ EPISODE_BYTES = 50_000  # more than an episode needs; a full disk ends HDF5 with
 
 
 def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path, trust: bool = False) -> int:
-    """Write episodes of "expert", "near", "random", or a folder's policy as a Minari dataset; episode k has the seed
+    """Write episodes of one of ACTORS, or of a folder's policy, as a Minari dataset; episode k has the seed
     ``seed + k``. Returns their control steps."""
     if who not in ACTORS and not exists(Path(who)):
-        raise ValueError(f"source is {shown(who)}; give {', '.join(ACTORS)}, or the folder of a run or policy")
+        others = ", ".join(ACTORS)
+        raise ValueError(f"source is {shown(who)}; give {others}, or the folder of a run or policy")
     config = None if who in ACTORS else own_config(Path(who))
     env_id = full_id(env or (config.env if config else ""))
     if env_id not in ids() or (config and env_id != config.env):
@@ -61,7 +62,8 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
     act = act_of(Path(who), config, trust) if config else None
     make = (lambda seed: act) if act else ACTIONS[who]
     spec = spec_of(env_id, config.env_kwargs if config else {})
-    actor, name = config.label if config else actor_of(who, env_id), re.sub(r"[^-\w]", "_", out.absolute().name)
+    actor = config.label if config else actor_of(who, env_id)
+    name = re.sub(r"[^-\w]", "_", out.absolute().name)
     with new_folder(out) as part:
         single = gym.make(spec)
         storage = MinariStorage.new(part / "data", single.observation_space, single.action_space, spec)

@@ -1,5 +1,5 @@
-"""The expert of ReachFault: a first motion after which, in whichever joint it is stopped, the goal can still be
-reached; and a new plan, without the braked joint, once the brake has closed."""
+"""The expert of ReachFault: a first motion that leaves a pose at the goal, whichever joint stops in it; and a
+new plan, without the braked joint, once the brake has closed."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ MOST_AT_REST = 0.9  # of a limit, in poses that hold the goal
 TIMES = np.array([0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.3])  # s, of the first motion
 MOST_FIRST = 1.4  # of a limit, in the first motion: soon is better than exact, since it ends nothing
 GUESS = 0.8  # s, the time of first motions from which the ones to try are chosen
-FAULTS = np.linspace(0.0, 0.5, 11)  # s, of faults that the first motion expects, in any joint
+FAULTS = np.linspace(0.0, 0.5, 6)  # s, of faults that the first motion expects, in any joint
 PER_DISTANCE = 0.01  # risk that is taken for a shorter first motion
 SECOND = (0.7, 0.9, 1.1, 1.3, 1.6, 2.0)  # s, of the motion with a braked joint
 MOST_SECOND = 0.95  # of a limit, in it
 MISS = 2e-3  # m, of an end from the goal
 OFF, HEAVY, MISSED = 20.0, 10.0, 1e4
-"""Distance in joint space that is gone for a pose which has the braked joint where it is, per rad or m; for one
-that no motor holds with more than the share above; and for one at the goal, per metre."""
+"""Distance in joint space that is gone for a pose which has the braked joint where it is, per rad or m; for
+one that motors hold with the share above; and for one at the goal, per metre."""
 
 
 class ReachFault(Planned):

@@ -1,4 +1,4 @@
-"""The expert of ReachLight: of the poses that load no motor by more than a share of its limit, the nearest."""
+"""The expert of ReachLight: of the poses that load no motor beyond a share of its limit, the nearest."""
 
 from __future__ import annotations
 

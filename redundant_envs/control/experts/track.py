@@ -15,7 +15,8 @@ from redundant_envs.control.time_law import Motion, quickest, timed
 
 Array = NDArray[np.float64]
 Lanes = NDArray[np.intp]
-GRID, APART = 9, 4  # of the poses at the first point, and of those in order every so many: neighbours are alike
+GRID = 9  # of the poses at the first point
+APART = 4  # every so many of these poses, in order of their costs, are tried: neighbours are alike
 ROUNDS = (1, 4, 11)  # first poses that are tried at a time, in lanes where none before them serves
 MOBILE = 2.0  # distance in joint space that is gone for the most mobile first pose
 MOST_ERROR, MOST_EFFORT = 0.002, 0.92  # m, and of a limit: a plan within both serves
@@ -102,8 +103,9 @@ class Track(Planned):
     def _whole(self, start: Array, path: Array, wait: int, lanes: Lanes) -> Motion:
         """The motion to the beginning of a path and along it."""
         seconds = np.full(len(start), HURRY * wait * self.dt)
-        parts = timed(self._ways(start, path[:, 0], lanes), seconds, self.dt, wait), (path, *self._rates(path))
-        return Motion(*(np.concatenate([a[:, :-1], b], axis=1) for a, b in zip(*parts, strict=True)))
+        before = timed(self._ways(start, path[:, 0], lanes), seconds, self.dt, wait)
+        pairs = zip(before, (path, *self._rates(path)), strict=True)
+        return Motion(*(np.concatenate([a[:, :-1], b], axis=1) for a, b in pairs))
 
     def _ways(self, start: Array, first: Array, lanes: Lanes) -> Array:
         """Ways (n, points, joints) to first poses."""
