@@ -19,6 +19,7 @@ FEW, MANY = np.linspace(0.1, 0.9, 5), np.linspace(0.0, 1.0, 31)
 """Shares of a line at which it is examined: at the few first, and the many where these are free."""
 NEIGHBOURS = 9  # edges of a node: with more, the ways are hardly shorter, and each round takes longer
 LARGEST_TURN = 2.8  # rad from the start, of the poses that are drawn
+SEED = 0  # of the poses that are drawn: the way of an episode does not depend on those planned before it
 ROUNDS = 60  # blocked ways after which a road map is given up
 SHORTCUTS, TRIES = 4, 20  # rounds of shortening, and pairs of points that each tries
 
@@ -38,9 +39,8 @@ def is_free(
 
 
 def road(
-    model: NominalModel, start: Array, ends: Array, discs: Array, margin: float, nodes: int,
-    rng: np.random.Generator,
-) -> Array | None:  # fmt: skip
+    model: NominalModel, start: Array, ends: Array, discs: Array, margin: float, nodes: int
+) -> Array | None:
     """A free way (m, joints) from a pose (joints,) to one of some free poses (k, joints), or None.
 
     Parameters
@@ -53,9 +53,9 @@ def road(
     margin : float
         Least distance of the links from the discs, m.
     nodes : int
-        Poses that are drawn; those that are not free are left out.
-    rng : numpy.random.Generator
+        Poses that are drawn, the same ones in each call; those that are not free are left out.
     """
+    rng = np.random.default_rng(SEED)
     low, high = model.travel
     low = np.where(model.slides, low, start - LARGEST_TURN)
     high = np.where(model.slides, high, start + LARGEST_TURN)

@@ -19,9 +19,7 @@ WIDTHS = (0.1, 0.05, 0.02)  # of the rounding of corners: the largest that leave
 LEAST = 0.003  # m, from discs, of a rounded way
 
 
-def ways_to(
-    model: NominalModel, start: Array, poses: Array, costs: Array, discs: Array, rng: np.random.Generator
-) -> list[Array]:
+def ways_to(model: NominalModel, start: Array, poses: Array, costs: Array, discs: Array) -> list[Array]:
     """Ways, polylines (m, joints), to the cheapest poses that can be reached.
 
     Parameters
@@ -29,8 +27,6 @@ def ways_to(
     model : NominalModel
     start, poses, costs, discs : (n, joints), (n, k, joints), (n, k) and (n, d, 3) Arrays
         The cheapest pose comes first; infinite is the cost of one that does not serve.
-    rng : numpy.random.Generator
-        Of the road maps.
 
     Returns
     -------
@@ -51,7 +47,7 @@ def ways_to(
             ends = poses[i, costs[i] < (TIGHT if margin == MARGINS[0] else np.inf)]
             for nodes in NODES if len(ends) else ():
                 if ways[i] is None:
-                    ways[i] = road(model, start[i], ends, discs[i], margin, nodes, rng)
+                    ways[i] = road(model, start[i], ends, discs[i], margin, nodes)
     straight = np.stack([start, poses[:, 0]], axis=1)
     return [line if way is None else way for way, line in zip(ways, straight, strict=True)]
 

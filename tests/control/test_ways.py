@@ -22,12 +22,11 @@ def test_a_line_through_a_disc_is_not_free():
 
 
 def test_a_road_goes_around_a_disc_and_is_none_where_discs_enclose_the_arm():
-    rng = np.random.default_rng(0)
-    way = road(MODEL, START, RIGHT[None], IN_THE_WAY, 0.01, 150, rng)
+    way = road(MODEL, START, RIGHT[None], IN_THE_WAY, 0.01, 150)
     np.testing.assert_allclose(way[[0, -1]], [START, RIGHT])
     lines = way[:-1, None] + np.linspace(0, 1, 50)[:, None] * np.diff(way, axis=0)[:, None]
     assert clearance(MODEL, lines, IN_THE_WAY).min() > 0.005
-    assert road(MODEL, START, RIGHT[None], RING, 0.01, 150, rng) is None
+    assert road(MODEL, START, RIGHT[None], RING, 0.01, 150) is None
 
 
 def test_ways_are_straight_where_that_is_free_and_go_to_the_cheapest_pose():
@@ -36,7 +35,7 @@ def test_ways_are_straight_where_that_is_free_and_go_to_the_cheapest_pose():
     most = max(map(len, (IN_THE_WAY, RING)))
     discs = np.stack([np.resize(d, (most, 3)) for d in (IN_THE_WAY, IN_THE_WAY, IN_THE_WAY, RING)])
     start = np.tile(START, (4, 1))
-    ways = ways_to(MODEL, start, poses, costs, discs, np.random.default_rng(0))
+    ways = ways_to(MODEL, start, poses, costs, discs)
     np.testing.assert_array_equal([way[-1] for way in ways], [LEFT, LEFT, RIGHT, RIGHT])
     assert [len(way) for way in ways[:2]] == [2, 2]
     assert len(ways[2]) > 2

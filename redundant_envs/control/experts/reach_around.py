@@ -12,7 +12,6 @@ from redundant_envs.control.experts.planned import Planned
 from redundant_envs.control.poses import far_apart, poses_at
 from redundant_envs.control.time_law import Motion, quickest, timed
 from redundant_envs.control.ways import MARGINS, TIGHT, smooth_ways, ways_to
-from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 GRID = 13  # of the poses at a goal: the arm has a way around those between two of them
@@ -25,14 +24,10 @@ MOST_AT_REST = 0.85  # of a limit, at the goal
 class ReachAround(Planned):
     """Plans for all lanes at once where a straight way is free, and by a road map in each other lane."""
 
-    def __init__(self, scene: Scene, seed: int = 0) -> None:
-        super().__init__(scene)
-        self.rng = np.random.default_rng(seed)
-
     def plan(self, start: Array, goal: Array, numbers: Mapping[str, Array]) -> Motion:
         model, discs = self.model, discs_of(self.model.scene, numbers)
         poses, costs = self._ends(start, poses_at(model, goal, start, GRID), discs)
-        ways = smooth_ways(model, ways_to(model, start, poses, costs, discs, self.rng), discs)
+        ways = smooth_ways(model, ways_to(model, start, poses, costs, discs), discs)
         seconds, _ = quickest(model, ways, TIMES, MOST_EFFORT)
         return timed(ways, seconds, self.dt, int(np.rint(TIMES[-1] / self.dt)))
 

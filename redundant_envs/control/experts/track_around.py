@@ -27,9 +27,9 @@ class TrackAround(Track):
 
     steps = 240
 
-    def __init__(self, scene: Scene, seed: int = 0) -> None:
+    def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        self.rng, self._discs = np.random.default_rng(seed), np.zeros((0, 0, 3))
+        self._discs = np.zeros((0, 0, 3))
 
     def plan(self, start: Array, goal: Array, numbers: Mapping[str, Array]) -> Motion:
         self._discs = discs_of(self.model.scene, numbers)
@@ -53,9 +53,7 @@ class TrackAround(Track):
 
     def _ways(self, start: Array, first: Array, lanes: Lanes) -> Array:
         discs, free = self._discs[lanes], np.zeros((len(first), 1))
-        return smooth_ways(
-            self.model, ways_to(self.model, start, first[:, None], free, discs, self.rng), discs
-        )
+        return smooth_ways(self.model, ways_to(self.model, start, first[:, None], free, discs), discs)
 
     def _costs(self, motion: Motion, targets: Array, wait: int, lanes: Lanes) -> Array:
         gaps = clearance(self.model, motion.phi, self._discs[lanes, None]).min(axis=1)
