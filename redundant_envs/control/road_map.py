@@ -18,10 +18,11 @@ Array = NDArray[np.float64]
 FEW, MANY = np.linspace(0.1, 0.9, 5), np.linspace(0.0, 1.0, 31)
 """Shares of a line at which it is examined: at the few first, and the many where these are free."""
 NEIGHBOURS = 9  # edges of a node: with more, the ways are hardly shorter, and each round takes longer
-LARGEST_TURN = 2.8  # rad from the start, of the poses that are drawn
+LARGEST_TURN = 3.4  # rad from the start, of the poses that are drawn
 SEED = 0  # of the poses that are drawn: the way of an episode does not depend on those planned before it
 ROUNDS = 60  # blocked ways after which a road map is given up
-SHORTCUTS, TRIES = 4, 20  # rounds of shortening, and pairs of points that each tries
+TRIES = 20  # pairs of points between which each round of shortening tries a line
+WORTHWHILE, PATIENCE = 0.05, 2  # share of a way that a round has to save, and rounds in a row that may save less
 
 
 def is_free(
@@ -111,14 +112,15 @@ def shortened(
 ) -> Array:
     """The way (m, joints) with shortcuts: in each round, that line between two of its points that is free
     and saves most."""
-    for _ in range(SHORTCUTS):
+    stale = 0
+    while stale < PATIENCE:
         points = evenly(model, way, 4 * TRIES)
         i, j = np.sort(rng.integers(0, len(points), (2, TRIES)), axis=0)
-        saved = (j - i) * far_apart(model, points[1], points[0]) - far_apart(model, points[i], points[j])
-        free = is_free(model, points[i], points[j], discs, margin)
-        if not free.any():
-            continue
-        best = np.where(free, saved, -np.inf).argmax()
+        step = far_apart(model, points[1], points[0])
+        saved = (j - i) * step - far_apart(model, points[i], points[j])
+        saved[~is_free(model, points[i], points[j], discs, margin)] = 0.0
+        best = saved.argmax()
+        stale = 0 if saved[best] > WORTHWHILE * len(points) * step else stale + 1
         if saved[best] > 0.0:
             way = np.concatenate([points[: i[best] + 1], points[j[best] :]])
     return way

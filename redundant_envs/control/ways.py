@@ -14,7 +14,8 @@ Array = NDArray[np.float64]
 MARGINS = (0.015, 0.006)  # m, of the links from discs: the second where the first leaves no way
 TIGHT = 100.0  # added to the cost of poses that have the smaller margin alone: they are the last choice
 FIRST = 4  # poses to which a straight way is tried before the others
-NODES = (150, 400)  # of the first road map, and of those where it has no way
+MAPS = ((MARGINS[0], 150), (MARGINS[0], 400), (MARGINS[1], 1000))
+"""Margins and numbers of nodes of the road maps that are tried, while there is no way."""
 WIDTHS = (0.1, 0.05, 0.02)  # of the rounding of corners: the largest that leaves a way free
 LEAST = 0.003  # m, from discs, of a rounded way
 
@@ -43,11 +44,10 @@ def ways_to(model: NominalModel, start: Array, poses: Array, costs: Array, discs
         for i, j in zip(lane[free][::-1].tolist(), k[free][::-1].tolist(), strict=True):
             ways[i] = np.stack([start[i], poses[i, j]])
     for i in (i for i, way in enumerate(ways) if way is None):
-        for margin in MARGINS:
+        for margin, nodes in MAPS:
             ends = poses[i, costs[i] < (TIGHT if margin == MARGINS[0] else np.inf)]
-            for nodes in NODES if len(ends) else ():
-                if ways[i] is None:
-                    ways[i] = road(model, start[i], ends, discs[i], margin, nodes)
+            if ways[i] is None and len(ends):
+                ways[i] = road(model, start[i], ends, discs[i], margin, nodes)
     straight = np.stack([start, poses[:, 0]], axis=1)
     return [line if way is None else way for way, line in zip(ways, straight, strict=True)]
 

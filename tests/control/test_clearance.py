@@ -47,5 +47,5 @@ def test_a_scene_without_obstacles_and_other_obstacles_are_refused():
     with pytest.raises(ValueError, match="no obstacle; add KeepOut"):
         discs_of(scene, {})
     wall = rde.effects.HalfPlane((0.0, -2.0))
-    with pytest.raises(ValueError, match="HalfPlane.* discs alone"):
+    with pytest.raises(ValueError, match=r"HalfPlane.* discs alone"):
         discs_of(dataclasses.replace(scene, effects=(*scene.effects, wall)), {})

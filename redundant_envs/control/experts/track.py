@@ -15,11 +15,11 @@ from redundant_envs.control.time_law import Motion, quickest, timed
 
 Array = NDArray[np.float64]
 Lanes = NDArray[np.intp]
-GRID = 9  # of the poses at the first point
-APART = 4  # every so many of these poses, in order of their costs, are tried: neighbours are alike
+GRID = 7  # of the poses at the first point
+APART = 3  # every so many of these poses, in order of their costs, are tried: neighbours are alike
 ROUNDS = (1, 4, 11)  # first poses that are tried at a time, in lanes where none before them serves
 MOBILE = 2.0  # distance in joint space that is gone for the most mobile first pose
-MOST_ERROR, MOST_EFFORT = 0.002, 0.92  # m, and of a limit: a plan within both serves
+MOST_ERROR, MOST_EFFORT = 0.002, 0.97  # m, and of a limit: a plan within both serves
 PER_ERROR = 100.0  # 1/m: a plan that misses the curve by 1 cm is as bad as one that takes twice the limits
 PER_EFFORT = 20.0  # distance in joint space that is gone for an approach with less effort, by one limit
 HURRY = 0.95  # of the time before the target moves: after this share the arm is there
