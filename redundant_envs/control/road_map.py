@@ -22,7 +22,8 @@ LARGEST_TURN = 3.4  # rad from the start, of the poses that are drawn
 SEED = 0  # of the poses that are drawn: the way of an episode does not depend on those planned before it
 ROUNDS = 60  # blocked ways after which a road map is given up
 TRIES = 20  # pairs of points between which each round of shortening tries a line
-WORTHWHILE, PATIENCE = 0.05, 2  # share of a way that a round has to save, and rounds in a row that may save less
+WORTHWHILE, PATIENCE = 0.05, 2
+"""Share of a way that a round of shortening has to save, and rounds in a row that may save less."""
 
 
 def is_free(

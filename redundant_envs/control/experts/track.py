@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.control.experts.planned import Planned
+from redundant_envs.control.joint_path import joint_path, mobility_slopes
 from redundant_envs.control.poses import cheapest, far_apart, poses_at
-from redundant_envs.control.resolved_motion import mobility_slopes, resolved_motion
 from redundant_envs.control.time_law import Motion, quickest, timed
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ class Track(Planned):
         n, m, _ = firsts.shape
         each, targets = np.repeat(lanes, m), np.repeat(targets, m, axis=0)
         firsts = firsts.reshape(n * m, -1)
-        path = resolved_motion(self.model, firsts, targets, self.dt, lambda phi: self._posture(phi, each))
+        path = joint_path(self.model, firsts, targets, self.dt, lambda phi: self._posture(phi, each))
         costs = self._costs(Motion(path, *self._rates(path)), targets, 0, each)
         return path[costs.reshape(n, m).argmin(axis=1) + m * np.arange(n)]
 

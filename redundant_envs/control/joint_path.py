@@ -1,5 +1,9 @@
-"""Resolved motion rate control (Whitney 1969) with a null-space term (Liegeois 1977): joint paths along which
-the tip follows given points, while the posture improves as far as that leaves freedom."""
+"""Joint paths along which the tips of many lanes follow given points, while their postures improve as far as
+that leaves freedom: resolved motion (Whitney 1969) with a null-space term (Liegeois 1977), damped near
+singular poses, since among many plans some pass them, and with each point reached in itself:
+
+    step = J# (p - x) + (1 - J# J) dt z,    J# = W J^T (J W J^T + damping)^-1
+"""
 
 from __future__ import annotations
 
@@ -20,22 +24,13 @@ MOST_SLOPE = 4.0  # of log manipulability, which has no bound near singular pose
 CENTRING = 6.0  # 1/s, of sliders towards the middle of their travel
 
 
-def resolved_motion(
+def joint_path(
     model: NominalModel, phi: Array, targets: Array, dt: float,
     posture: Callable[[Array], Array] | None,
 ) -> Array:  # fmt: skip
-    """Joint paths (m, points, joints) from poses phi (m, joints) at the first of the targets (m, points, 2).
-
-    Parameters
-    ----------
-    model : NominalModel
-    phi, targets : Array
-        m.
-    dt : float
-        s, between the targets.
-    posture : callable or None
-        phi -> rates (m, joints), of which the part acts that moves no tip.
-    """
+    """Paths (m, points, joints) from poses phi (m, joints) at the first of the targets (m, points, 2), m, that
+    are ``dt`` [s] apart. ``posture`` (phi) gives the rates z (m, joints), of which the part acts that moves
+    no tip; None is no rates."""
     path = np.empty((*targets.shape[:2], model.joints))
     path[:, 0] = phi
     drift = np.zeros_like(phi)
