@@ -28,7 +28,7 @@ def joint_path(
     model: NominalModel, phi: Array, targets: Array, dt: float,
     posture: Callable[[Array], Array] | None,
 ) -> Array:  # fmt: skip
-    """Paths (m, points, joints) from poses phi (m, joints) at the first of the targets (m, points, 2), m, that
+    """Paths (m, points, joints) from poses phi (m, joints) at the first of targets (m, points, 2), m, that
     are ``dt`` [s] apart. ``posture`` (phi) gives the rates z (m, joints), of which the part acts that moves
     no tip; None is no rates."""
     path = np.empty((*targets.shape[:2], model.joints))
