@@ -47,8 +47,8 @@ _HOMES = {name: f"{home}:{name}" for home, names in _NAMES.items() for name in n
 _HOMES["effects"] = "effects"  # a module itself
 __all__ = [
     "RPRP", "Arm", "BatchSimulator", "Chain", "Event", "FourR", "GoalReachTask", "Numerics", "ReachTask",
-    "Scene", "Tableau", "Task", "TwoR", "animate", "bill", "check_vec_env", "effects", "listing", "load_scene",
-    "register_arm", "register_effect", "register_integrator", "register_task", "simulate",
+    "Scene", "Tableau", "Task", "TwoR", "animate", "bill", "check_vec_env", "effects", "listing",
+    "load_scene", "register_arm", "register_effect", "register_integrator", "register_task", "simulate",
 ]  # fmt: skip
 """The public names, but for ``make_sb3`` and ``torch_step``: they need torch, and ``import *`` must not."""
 

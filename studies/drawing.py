@@ -87,6 +87,7 @@ def drawn_effect(rng, kind, arm):
         "coefficients": 0.02 * weight * rng.choice([0.0, 0.2, 0.2, 3.0]) * rng.random(n),
         "limits": weight * decades(rng, 0.05, 5.0) * unit * rng.uniform(0.2, 1.0, n),
         "coordinate": arm.joints[joint],
+        "joint": joint,
         "joints": rng.choice(arm.joints, min(2, n), replace=False),
         "moment_arms": 0.05 * rng.choice([-1.0, 1.0], 2),
         "name": "",

@@ -33,6 +33,7 @@ EQUAL = {"4R": rde.FourR((1.0,) * 4, (0.5,) * 4), "RPRP": rde.RPRP((1.0,) * 4, (
 ARMS = {
     "4R": FOUR_R,
     "RPRP": RPRP,
+    "2R": rde.TwoR((2.0, 1.5), (0.3, 0.5)),
     "RRR": rde.Chain("RRR", (2.0, 1.5, 1.0), (0.3, 0.5, 0.4)),
     **{kind: aimed.ARMS[kind] for kind in ("RP", "PPR", "RPPP", "PRPRP")},
 }
@@ -44,6 +45,16 @@ IDS = [
     if not (registration.HOMES.get(("the arm", arm)) or registration.HOMES.get(("the task", task)))
 ]
 """Ids of this package: tests may have registered more."""
+OFTEN = {
+    *(f"{arm}{task}" for arm in ("RPRP", "FourR", "TwoR") for task in ("Reach", "GoalReach")),
+    "FourRReachAround", "RPRPReachLight", "TwoRTrack", "FourRTrackAround", "TwoRReachFault",
+    "TwoRGoalReachAround",
+}  # fmt: skip
+EACH_ID = [
+    pytest.param(i, marks=() if i.partition("/")[2].removesuffix("-v0") in OFTEN else pytest.mark.long)
+    for i in IDS
+]
+"""Rows of tests of all ids: make test runs each task with one arm, and reaching with all."""
 COPIES = {
     "copy": copy.copy,
     "deepcopy": copy.deepcopy,

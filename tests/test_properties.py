@@ -1,7 +1,7 @@
 """Scenes of the catalogue keep every promise of ``verify`` (equations, energy, bits, ...), also as copies."""
 
 import pytest
-from catalogue import COPIES, IDS, SCENES, assert_same_bits, motion, names, on, started
+from catalogue import COPIES, EACH_ID, SCENES, assert_same_bits, motion, names, on, started
 
 from redundant_envs.verify import Mode, Subject, Verdict
 from redundant_envs.verify.checks import Sample
@@ -37,7 +37,7 @@ def test_a_scene_keeps_every_promise(name):
 
 
 @pytest.mark.quick("redundant_envs/RPRPReach-v0")
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", EACH_ID)
 def test_an_environment_keeps_every_promise(env_id):
     assert missed(Sample(subject_of(env_id), STATES, SEED), OF_ENVIRONMENTS) == []
 

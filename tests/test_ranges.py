@@ -16,7 +16,7 @@ e = rde.effects
 DRAWS = (np.arange(20000) + 0.5) / 20000
 EFFECTS = (
     e.Gravity(), e.ViscousFriction(0.1), e.EffortLimits(20.0), e.PrismaticStop((0.0, None), (0.3, 0.3)),
-    e.LimitSpring("joint1", -2.0, -1.0),
+    e.LimitSpring("joint1", -2.0, -1.0), e.MotorBrake(0, 0.1),
 )  # fmt: skip
 ALL_FORMS = {
     "masses": {"scale": {"log_uniform": [0.8, 1.25]}, "shared": True},
@@ -142,6 +142,8 @@ REFUSED = [
         "lower is -2.0, upper is -3.0; lower must be below",  # a larger factor of a negative number
         {f"{SPRING}.lower": {"uniform": [-4, -2]}, f"{SPRING}.upper": {"scale": {"uniform": [0.5, 3]}}},
     ),
+    ("MotorBrake.joint is 1.1459; give a joint", {"motor_brake.joint": {"uniform": [0, 3]}}),
+    ("MotorBrake.joint is 4; give 0 to 3", {"motor_brake.joint": {"choice": [0, 4, 1]}}),
     ("spans a ratio of 1.0e[+]14", {"masses": {"log_uniform": [1e-7, 1e7]}}),
 ]
 

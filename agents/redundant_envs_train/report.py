@@ -18,6 +18,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.support.disk import replacing, write_text
 from redundant_envs.support.machine import machine_name
 from redundant_envs.support.tables import Markdown
+from redundant_envs.tasks import Task
 
 from . import command, run_folder
 from .config.run import LABELS
@@ -54,12 +55,16 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     if core.goal_fields:
         expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
     missed = np.ones(n, np.bool_) if policy.hold is None else ~policy.hold
+    failures = failures_of(core.task, policy, missed)
+    for failed in failures.values():
+        missed = missed & ~failed
     ended = [Numerics(bits) for bits in policy.faults[missed & policy.ended].tolist()]
     others = {name: version(name) for name in PACKAGES[1:]}
     result = {
         **{name: getattr(config, name) for name in ("env", "algo", "seed")}, "episodes": n,
         "interval": None if policy.hold is None else [*wilson(int(policy.hold.sum()), n)],
-        **measures("", policy), **measures("expert_", expert), **reasons(policy, expert, core),
+        **measures("", policy), **measures("expert_", expert), **reasons(policy, expert, core, missed),
+        "failures": {words: int(failed.sum()) for words, failed in failures.items()},
         "stopped": int((missed & policy.ended).sum()),
         "faults": {fault.name: count for fault in Numerics if (count := sum(fault in e for e in ended))},
         "better": {} if expert is None else better(policy, expert),
@@ -75,8 +80,23 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     return EvaluationResult(result, np.column_stack([EVALUATION_SEED + np.arange(n), *known]))
 
 
-def reasons(policy: EpisodeEnds, expert: EpisodeEnds | None, core: Core) -> dict[str, int | None]:
-    """Counts of the goals that were missed without a fault, by what happened; None if it is unknown."""
+Mask = NDArray[np.bool_]
+
+
+def failures_of(task: Task, policy: EpisodeEnds, missed: Mask) -> dict[str, Mask]:
+    """The missed episodes that failed for a reason that the task tells, by its words; the first one counts."""
+    failures: dict[str, Mask] = {}
+    for label, words in task.failures.items():
+        failures[words] = missed & (policy.metrics[label] > 0.0)
+        missed = missed & ~failures[words]
+    return failures
+
+
+def reasons(
+    policy: EpisodeEnds, expert: EpisodeEnds | None, core: Core, missed: Mask
+) -> dict[str, int | None]:
+    """Counts of the goals that were missed for no reason that the task tells and without a fault, by what
+    happened; None if it is unknown."""
     counts: dict[str, int | None] = dict.fromkeys(("restless", "passed", "missed_by_both"))
     if policy.hold is None:
         return counts
@@ -84,7 +104,7 @@ def reasons(policy: EpisodeEnds, expert: EpisodeEnds | None, core: Core) -> dict
         counts["missed_by_both"] = int((~policy.hold & ~expert.hold).sum())
     share = core.task.parameters().get("goal_tolerance")  # of the reach, up to which the tip is at its goal
     if policy.touch is not None and policy.distance is not None and share is not None:
-        missed, at_goal = ~policy.hold & ~policy.ended, policy.distance <= share * core.reach
+        missed, at_goal = missed & ~policy.ended, policy.distance <= share * core.reach
         counts["restless"] = int((missed & at_goal).sum())
         counts["passed"] = int((missed & policy.touch & ~at_goal).sum())
     return counts
@@ -175,10 +195,11 @@ def misses(result: Mapping[str, Any], missed: int) -> str:
     known = [result[name] for name in ("restless", "passed", "stopped")]
     if None in known:
         return f"{head}."
+    failures = result.get("failures", {})
     reasons = {
         "the tip arrived but was still moving": known[0], "the tip arrived and left": known[1],
-        "the tip never got there": missed - sum(known),
-        f"a fault ended the episode ({faults(result)})": known[2],
+        "the tip never got there": missed - sum(known) - sum(failures.values()),
+        f"a fault ended the episode ({faults(result)})": known[2], **failures,
     }  # fmt: skip
     causes = [text if count == missed else f"in {count} {text}" for text, count in reasons.items() if count]
     both = result["missed_by_both"]

@@ -123,6 +123,7 @@ class Evaluation(Model):
     passed: Count | None = None  # the tip was there and left
     missed_by_both: Count | None = None
     stopped: Count | None = None  # a fault ended the episode
+    failures: dict[Line, Count] = {}  # what the task tells of others that were missed
     faults: dict[Line, Count] = {}
     better: dict[Line, bool | None] = {}
     metrics: dict[Line, Number] = {}

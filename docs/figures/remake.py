@@ -42,9 +42,8 @@ FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results
 CLIPS = {"rprp_reach": "RPRPReach-v0-sac", "four_r_reach": "FourRReach-v0-sac"}
 """Clip -> policy."""
 THUMBNAILS = {
-    "rprp_reach": ("RPRPReach-v0-sac", 4), "rprp_goal_reach": ("RPRPGoalReach-v0-her", 6),
-    "four_r_reach": ("FourRReach-v0-sac", 4), "four_r_goal_reach": ("FourRGoalReach-v0-her", 6),
-    "two_r_reach": ("TwoRReach-v0", 4), "two_r_goal_reach": ("TwoRGoalReach-v0", 6),
+    "rprp_reach": ("RPRPReach-v0-sac", 4), "four_r_reach": ("FourRReach-v0-sac", 4),
+    "two_r_reach": ("TwoRReach-v0", 4),
 }  # fmt: skip
 """Thumbnail -> policy, or id for computed torque, and seed."""
 MOMENT = 18

@@ -8,7 +8,7 @@ SECTIONS = {
     "Start": ["Install, and ten lines that run <self>"],
     "Tutorials": [
         "notebooks/equations_to_environment", "notebooks/accuracy_and_chaos", "notebooks/redundancy",
-        "notebooks/learn_and_race", "tutorials/third_arm", "tutorials/moving_target",
+        "notebooks/learn_and_race", "tutorials/third_arm", "tutorials/moving_target", "tutorials/obstacle",
     ],
     "How to": [
         "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "handed_to_me",

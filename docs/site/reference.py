@@ -28,13 +28,14 @@ from redundant_envs.scenes.scene import scene_names
 from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.disk import write_text
 from redundant_envs.support.tables import markdown
+from redundant_envs.tasks import OWN as OWN_TASKS
 from redundant_envs_train.rollout import expert_act
 from studies.effects import Study, load_study
 
 sys.path.insert(0, str(DOCS / "examples"))
 from play_with_numpy import load
 
-TASKS = (rde.ReachTask, rde.GoalReachTask)
+TASKS = tuple(OWN_TASKS.values())
 OWN_IDS = [id_of(arm, task.name) for arm in ("RPRP", "FourR", "TwoR") for task in TASKS]
 """Ids of the package: a process may have registered others."""
 POLICIES = {
@@ -149,7 +150,7 @@ def tasks() -> dict[str, str]:
     """A page for each task, and one for the protocol of all."""
     made = {}
     for kind in TASKS:
-        scene = rde.load_scene("four_r_reach")
+        scene = rde.load_scene(scene_of("FourR", kind.name))
         terms = kind().reward_functions(scene)
         rows = [(f.__name__.removesuffix("_term"), f"`{inspect.getdoc(f).splitlines()[0]}`") for f in terms]
         ids = [env_id for env_id in OWN_IDS if IDS[env_id].task == kind.name]
@@ -168,7 +169,7 @@ The sum of these terms in every step:
 ## Numbers
 
 ```{{eval-rst}}
-.. autoclass:: redundant_envs.{kind.__name__}
+.. autoclass:: {kind.__module__}.{kind.__name__}
    :no-members:
    :no-index:
 ```

@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 Travel = dict[int, tuple[float, float]]
 Sheet = NDArray[np.int64]
 Load = Callable[[Array, Sheet, Array], Array]
-"""Largest effort / limit (...), of x, sheets and goals (..., 2). x (..., parameters + 2) has the parameters psi
-of a pose, and where the tip is near the goal, in units of the tolerance."""
+"""Largest effort / limit (...), of x, sheets and goals (..., 2). x (..., parameters + 2) has the parameters
+psi of a pose, and where the tip is near the goal, in units of the tolerance."""
 SLACK = 1e-9  # a goal that is out of reach by at most this distance counts as reached, m: that is rounding
 
 

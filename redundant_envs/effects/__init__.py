@@ -22,6 +22,8 @@ from redundant_envs.effects.lag import Lag as Lag
 from redundant_envs.effects.limit_spring import LimitSpring as LimitSpring
 from redundant_envs.effects.link_inertia import LinkInertia as LinkInertia
 from redundant_envs.effects.lu_gre import LuGre as LuGre
+from redundant_envs.effects.motor_brake import MotorBrake as MotorBrake
+from redundant_envs.effects.motor_loss import MotorLoss as MotorLoss
 from redundant_envs.effects.moving_base import MovingBase as MovingBase
 from redundant_envs.effects.payload import Payload as Payload
 from redundant_envs.effects.pick_up import PickUp as PickUp

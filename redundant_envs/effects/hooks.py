@@ -182,6 +182,7 @@ class Link(enum.IntEnum):
     TORQUE_SPEED = 4
     LIMITS = 5
     GEAR = 6
+    JOINT = 7
 
 
 @dataclass(frozen=True)
@@ -217,9 +218,11 @@ class Friction:
     """Dry friction in a joint: a set-valued force that holds the joint as long as that takes no more than its
     limit, and that opposes its rate with the limit while it moves.
 
-    ``limit`` gives the largest force [N m or N], not negative, from parameters and ``speed``, the size of the
-    rate of the joint; at 0 it is that of static friction. A joint that sticks has the rate 0 exactly. When
-    joints stick and slip is located in time, with every integrator. Limits in one joint add up.
+    ``limit`` gives the largest force [N m or N], not negative, from parameters, states of its effect that have
+    an ``update``, and ``speed``, the size of the rate of the joint; at 0 it is that of static friction. A
+    joint that sticks has the rate 0 exactly. When joints stick and slip is located in time, with every
+    integrator. Limits in one joint add up. A joint whose limit takes no ``speed`` and is 0, such as that of
+    an open brake, moves as without friction.
     """
 
     joint: int

@@ -35,7 +35,7 @@ class May(enum.Enum):
     OWN_JOINT = "parameters and the position and rate of its own joint"
     STATES = "parameters and states of its effect"
     LINK = "numbers of its effect and the ends of a link, xa, ya, xb, yb,"
-    SPEED = "parameters and on speed, the size of the rate of its joint"
+    SPEED = "parameters, states of its effect and speed, the size of the rate of its joint,"
     PARAMETERS = "parameters"
 
 
@@ -277,8 +277,14 @@ class _Known:
             allowed |= {*self.arm.coordinates}
         if may in (May.START, May.READINGS):
             allowed |= {*self.arm.rates}
-        if may in (May.STATES, May.READINGS):
+        if may in (May.STATES, May.READINGS, May.SPEED):
             free |= {source for source in roots if source.startswith(".")}
+        for state in (self.quantities[source[1:]] for source in free) if may is May.SPEED else ():
+            if state is not None and state.derivative is not None:
+                raise ValueError(
+                    f"{field} {name} depends on the state {state.name!r}, which changes within an interval, "
+                    "while a limit must be constant at each speed; give the state an update"
+                )
         if may is May.OWN_JOINT:
             free |= {*part.motion}
         more = ", ".join(sorted(source for source in roots.keys() - free if roots[source] - allowed))

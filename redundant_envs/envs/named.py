@@ -158,6 +158,8 @@ def page(kind: type[Any], scene_name: Any) -> str:
         accuracy=f"to a tip error of {scene.tolerance:g} m" if scene.tolerance else f"by {scene.integrator}",
         redundant=texts()["redundant"].format(joints=joints) if joints > 2 else "",
         of_goals=texts()["of_goals"] if task.goal_conditioned else "",
+        starts=task.pose_note(),
+        ends_by=task.end_note(),
         travel="; prismatic\njoints uniform over their travel" if sliders else "",
         ends=fast if task.speed_bound_ends else "",
         flags="" if task.speed_bound_ends else fast,

@@ -48,8 +48,9 @@ def _scenes_of_arms() -> dict[str, Any]:
 
 
 def _steps_of_tasks() -> dict[str, int]:
-    """Control steps of the episodes of the package's tasks, by the tasks' names, the shortest first. They are
-    read from the bodies of the classes, which takes a millisecond; to import these takes a tenth of a second."""
+    """Control steps of the episodes of the package's tasks, by the tasks' names, the shortest first; from the
+    text of the bodies of their classes, which takes a millisecond: to import these takes a tenth of a second.
+    """
     name = re.compile(r'^    name\b.* = "(\w+)"', re.MULTILINE)
     steps = re.compile(r"^    steps\b.* = (\d+)\b", re.MULTILINE)
     found: dict[str, int] = {}
@@ -221,9 +222,7 @@ def register_arm(
     _check_name("the arm", getattr(arm, "kind", None))
     before = dict(robots.REGISTRY)
     if scene is None and scenes:
-        raise ValueError(
-            f"scenes has {', '.join(scenes)}, and scene is None; give the scene of all other tasks"
-        )
+        raise ValueError("scenes is given without scene; give the arm's scene in all other tasks, too")
     if scene is not None:
         _check_ids([arm.kind], TASKS)
     _check_names("scenes", scenes, TASKS, "a task")

@@ -203,7 +203,7 @@ def _notes(scene: Scene, form: Format, unfit: Mapping[str, str]) -> list[Note]:
             written = "left out"
             if effect.key in limiting:
                 written = form.soft_ends
-            elif any(isinstance(h, Friction) for h in effect.hooks(scene.robot)):
+            elif any(a.key == effect.key for a in _constant_frictions(scene)):
                 written = "written with its level at rest"
             notes.append(Note(named(effect, scene), unfit[effect.key], written))
     if scene.actuation != "joint" and not form.generalized:
@@ -226,9 +226,15 @@ def _soft_ends(scene: Scene, known: Mapping[str, float], unfit: Mapping[str, str
     return travel
 
 
+def _constant_frictions(scene: Scene) -> list[Attached[Friction]]:
+    """Dry friction whose limit takes no state: that of a brake, which closes some time, has no level."""
+    states = scene.attached.states.keys()
+    return [a for a in scene.attached.of(Friction) if states.isdisjoint(a.functions["limit"].names)]
+
+
 def _dry_friction(scene: Scene, known: Mapping[str, float]) -> dict[int, float]:
     """Levels at rest of the dry friction in joints."""
     at_rest, friction = Quantities({**known, SPEED: 0.0}, (), {}), dict[int, float]()
-    for a in scene.attached.of(Friction):
+    for a in _constant_frictions(scene):
         friction[a.hook.joint] = friction.get(a.hook.joint, 0.0) + float(a.functions["limit"](at_rest))
     return friction

@@ -31,7 +31,7 @@ class Arm:
             x1, y1 = l1 * c1, l1 * s1
             return x1, y1, x1 + l2 * c2, y1 + l2 * s2
 
-        class TwoR(Arm):
+        class DoublePendulum(Arm):
             joint_types = "RR"
             functions = (points,)
 

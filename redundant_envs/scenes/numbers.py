@@ -78,7 +78,7 @@ def _check_effect(scene: Any, effect: Any, names: list[str], values: Table) -> N
     for numbers in _distinct(values, f"{effect.key}.", names):
         fields = {f.name for f in dataclasses.fields(effect)}
         field_values = {name: number for name, number in numbers.items() if name.partition("[")[0] in fields}
-        new_effect = replaced(effect, **fields_with(effect, field_values))
+        new_effect = replaced(effect, **fields_with(effect, field_values)).fitted(scene.robot)
         _check_kept(f"{effect.key}.", new_effect, numbers)
         hooks = [a.hook for a in scene.attached if a.key == effect.key]
         validate_hooks.check_numbers(effect.key, new_effect, scene.robot, hooks)

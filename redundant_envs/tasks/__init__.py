@@ -12,8 +12,10 @@ from redundant_envs.tasks.reach import ReachTask
 
 __all__ = ["GoalReachTask", "ReachTask", "Task"]
 
-REGISTRY: dict[str, type[Task]] = {task.name: task for task in classes_in(__name__, Task)}
-"""Tasks by their name in ids."""
+OWN: dict[str, type[Task]] = {task.name: task for task in classes_in(__name__, Task)}
+"""The tasks of this package by their name in ids."""
+REGISTRY = dict(OWN)
+"""Tasks by their name in ids; users add theirs."""
 
 
 TOUCH = "terminate_on_touch"

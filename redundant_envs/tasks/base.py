@@ -66,6 +66,9 @@ class Task:
         Metrics -> their names in ``info``, where these differ.
     held_outputs : tuple of str, default ()
         Metrics that are known only after a step, and kept until the next one.
+    failures : mapping of str to str, default {}
+        Flags of ``info`` that tell why an episode is no success -> words of a report, such as "a link touched
+        an obstacle"; the first one that is true counts.
     ends : tuple of str, default ()
         Quantities that end an episode after a step in which one of them is positive (``terminated``).
     angles : mapping of str to (str, str), default {}
@@ -104,6 +107,7 @@ class Task:
     flags: ClassVar[tuple[str, ...]] = ()
     labels: ClassVar[Mapping[str, str]] = {}
     held_outputs: ClassVar[tuple[str, ...]] = ()
+    failures: ClassVar[Mapping[str, str]] = {}
     ends: ClassVar[tuple[str, ...]] = ()
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
     goal_functions: ClassVar[tuple[Function, ...]] = ()
@@ -169,6 +173,14 @@ class Task:
     def success_note(self) -> str:
         """Text of a page about success."""
         return ""
+
+    def pose_note(self) -> str:
+        """Words of a page about the start of the revolute joints."""
+        return f"joint angles uniform in +-{self.start_angle:g} rad"
+
+    def end_note(self) -> str:
+        """Words of a page before "a fault" that say what ends an episode."""
+        return "only"
 
     def start_note(self) -> str:
         """Text of a page about an episode's start, beside the start of the arm."""

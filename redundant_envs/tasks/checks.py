@@ -80,6 +80,12 @@ def check_task(task: Task, scene: Scene) -> None:
         if label in BUILT_IN or label.startswith("return_") or shown.count(label) > 1:
             field = "labels" if label in task.labels.values() else "metrics"
             raise ValueError(f"{kind}.{field} has {label!r}, which info has already; choose another name")
+    flags = [task.labels.get(name, name) for name in task.flags]
+    for label in task.failures:
+        if label not in flags:
+            raise ValueError(
+                f"{kind}.failures has {label!r}; info has the flags {', '.join(flags) or 'none'}"
+            )
     if not 0 <= task.draws <= MAX_DRAWS:
         raise ValueError(f"{kind}.draws is {task.draws}; give 0 to {MAX_DRAWS}")
     _check_placements(task, scene, begun)

@@ -1,7 +1,7 @@
 """Reach a goal and hold it in a pose in which no motor needs much effort."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -26,13 +26,14 @@ AT_STOP = 1e-3
 
 
 def largest_effort(joints: int) -> Callable[..., Any]:
-    """The largest effort of a motor in this step, as a share of its limit, and its excess over ``light``."""
+    """The largest effort of a motor in this step, as a share of its limit; its excess, and whether there is
+    one, over ``light``."""
 
-    @physics(gives="load cost", takes=(*numbered("action{}", joints), "light"))
+    @physics(gives="load cost heavy", takes=(*numbered("action{}", joints), "light"))
     def largest_effort(*values: Any) -> Any:
         *actions, light = values
         load = functools.reduce(maximum, map(abs, actions))
-        return load, maximum(load - light, 0.0)
+        return load, maximum(load - light, 0.0), where(load > light, 1.0, 0.0)
 
     return largest_effort
 
@@ -124,9 +125,11 @@ class ReachLightTask(ReachTask):
     name = "ReachLight"
     summary = "brings its tip to a goal and holds it there with little effort"
     expert = "redundant_envs.control.experts.reach_light:ReachLight"
-    metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "load", "cost", "rest")
+    metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "heavy", "load", "cost", "rest")
+    flags: ClassVar[tuple[str, ...]] = (*ReachTask.flags, "heavy")
+    failures: ClassVar[Mapping[str, str]] = {"heavy": "a motor had to work too hard at the end"}
     labels = {**ReachTask.labels, "rest": "load_at_rest"}
-    held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "load", "cost")
+    held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "heavy", "load", "cost")
     weights = (0.15, 0.15, 0.16)
     units = {**ReachTask.units, "light": "limits"}
     ranges = {**ReachTask.ranges, "light": (1e-6, 1.0)}

@@ -1,6 +1,6 @@
 """Follow a point that moves along a curve with the tip."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -69,9 +69,10 @@ def tracked(worst_new, begun, reach, track_tolerance):
     return begun * where(worst_new <= track_tolerance * reach, 1.0, 0.0)
 
 
-@physics(gives="is_success")
-def success(tracked):
-    return tracked
+@physics(gives="is_success lost")
+def success(tracked, begun):
+    """Whether the tip has been on the target all the time, or has lost it."""
+    return tracked, begun - tracked
 
 
 @physics(gives="settle_term")
@@ -120,7 +121,10 @@ class TrackTask(ReachTask):
     memory: ClassVar[tuple[str, ...]] = (*ReachTask.memory, "worst", *CURVE)
     moves = {"goal_x": "moved_x", "goal_y": "moved_y", "phase": "phase_next"}
     updates = {**ReachTask.updates, "worst": "worst_new"}
-    metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "worst", *CURVE)
+    metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "lost", "worst", *CURVE)
+    flags: ClassVar[tuple[str, ...]] = (*ReachTask.flags, "lost")
+    held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "lost")
+    failures: ClassVar[Mapping[str, str]] = {"lost": "the tip lost the target"}
     angles = {
         "centre_a": ("centre_s", "centre_c"), "tilt_a": ("tilt_sine", "tilt_cosine"),
         "phase": ("phase_s", "phase_c"), "phase_next": ("next_s", "next_c"),

@@ -44,9 +44,10 @@ def fitted(room, drawn_along, slenderness, tilt_sine, tilt_cosine):
     return tilt_sine, tilt_cosine, share * drawn_along, share * drawn_along * slenderness
 
 
-@physics(gives="is_success")
-def success(tracked, struck_new):
-    return where(struck_new > 0.0, 0.0, tracked)
+@physics(gives="is_success lost")
+def success(tracked, begun, struck_new):
+    """Whether the tip has been on the target all the time without a touch; whether it has lost the target."""
+    return where(struck_new > 0.0, 0.0, tracked), begun - tracked
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,9 @@ class TrackAroundTask(AmongObstacles, TrackTask):
         **{name: pair for name, pair in TrackTask.angles.items() if name != "centre_a"},
         **{f"angle{k}": (f"angle{k}_s", f"angle{k}_c") for k in range(CANDIDATES)},
     }
+    flags = (*AmongObstacles.flags, "lost")
+    held_outputs = (*AmongObstacles.held_outputs, "lost")
+    failures = {**AmongObstacles.failures, **TrackTask.failures}
     weights = (0.18, 0.22, 0.36)
     units = {
         **TrackTask.units, **AmongObstacles.units,

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from redundant_envs.effects.bound_hooks import TIME, Attached, Functions
-from redundant_envs.effects.hooks import SPEED, Force, Point
+from redundant_envs.effects.hooks import SPEED, Force, Obstacle, Point
+from redundant_envs.effects.obstacles import clearance_functions
 from redundant_envs.language.algebra import gives_of, numbered, where
 from redundant_envs.language.dual import Dual, dual
 from redundant_envs.language.quantities import Quantities
@@ -254,6 +255,8 @@ def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
     """The checked quantities, by names that a reader knows."""
     arm, x = dynamics.arm, motion.values()
     for a in dynamics.scene.attached:
+        if isinstance(a.hook, Obstacle):
+            continue  # its function is one of the ends of a link: see the clearances
         parts: list[Functions] = [a.functions, *a.states.values()]
         for field, function in (named for part in parts for named in part.items()):
             returned = function(x) if field != "kink" else ()
@@ -264,6 +267,10 @@ def _values(dynamics: Dynamics, motion: Motion) -> Iterator[tuple[str, Any]]:
     yield from zip(names, dynamics.accelerations(motion.values()), strict=True)
     x.update({f"t{k + 1}": 0.0 for k in range(len(arm.joints))})
     outputs = {name for f in (*arm.functions, arm.column_norms) for name in gives_of(f)}
-    all_of_them = Quantities(x, (*dynamics.functions, arm.column_norms), arm.sincos)
+    clearances = clearance_functions(dynamics.scene.attached, arm)
+    all_of_them = Quantities(x, (*dynamics.functions, arm.column_norms, *clearances), arm.sincos)
     for name in sorted(n for n in outputs if OWN_NAMES.fullmatch(n) or n in OF_LANES):
         yield name, all_of_them[name]
+    for k, a in enumerate(dynamics.scene.attached.of(Obstacle), start=1):
+        for j in range(arm.num_masses):
+            yield f"clearance{k}_{j + 1} of {a.key}", all_of_them[f"clearance{k}_{j + 1}"]

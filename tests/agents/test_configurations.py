@@ -10,6 +10,8 @@ import pytest
 from run_folders import POLICIES, REFUSALS, ROOT, says
 from short_trainings import small_config
 
+from redundant_envs.effects.hooks import snake_case
+from redundant_envs.envs.registration import IDS, SCENES
 from redundant_envs_train.commands import name_of
 from redundant_envs_train.config import MAX_EPISODES, MAX_SEEDS, Config, load
 from redundant_envs_train.config.fields import limits
@@ -69,10 +71,12 @@ def test_a_run_is_named_after_its_preset_its_file_or_what_it_trains(tmp_path):
 @pytest.mark.parametrize("name", presets())
 def test_shipped_configurations_load_and_are_named_by_what_they_are(name):
     config = load(name)
-    arm = "rprp" if "RPRP" in config.env else "four_r"
-    task = "goal_reach" if "Goal" in config.env else "weak" if config.env_kwargs else "reach"
+    arm, task = IDS[config.env]
+    arm = SCENES[arm].removesuffix("_reach")
+    weak, ends = ({"scene": f"{arm}_weak"}, {"terminate_on_touch": True})
+    task = "weak" if config.env_kwargs == weak else snake_case(task)
     assert name.split("/")[-1] == f"{arm}_{task}_{config.algo}"
-    assert config.env_kwargs == ({"scene": f"{arm}_weak"} if task == "weak" else {})
+    assert config.env_kwargs == (weak if task == "weak" else ends if "around" in task else {})
     # baselines are given the same seconds; a linear rate would be cut off before its end
     assert config.max_seconds == (90.0 if "/" in name else None)
     assert "/" not in name or config.settings.schedule == "constant"

@@ -4,13 +4,14 @@ import re
 import runpy
 import shlex
 
-import gymnasium as gym
 import pytest
 from catalogue import IDS
 from markdown import README, ROOT, blocks, text
 from published_runs import RESULTS, rows
 
+from redundant_envs.envs.registration import id_of
 from redundant_envs.scenes.scene import ACCURACIES
+from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.evidence.table import results_table
 from studies import strength as strength_run
@@ -48,11 +49,14 @@ def test_speeds_are_those_of_the_tables():
 def test_the_accuracies_and_the_environments_are_those_of_the_code():
     stated = dict(re.findall(r'^\| `"(\w+)"` \| (\S+) m \|$', page("accuracy"), re.M))
     assert {name: float(tolerance) for name, tolerance in stated.items()} == ACCURACIES
-    listed = re.findall(r"^\| <img [^|]*\| `(redundant_envs/\S+)` \| ([^|]+) \|", text(README), re.M)
-    assert {env_id for env_id, _ in listed} == set(IDS)
-    for env_id, observation in listed:
-        space = gym.make(env_id).observation_space
-        assert observation == ("dictionary with goals" if "Goal" in env_id else f"{space.shape[0]} numbers")
+    listed = re.findall(r"^\| ((?:`\w+`,? )+)\| [^|]+ \| ([\d, ]+) \|$", text(README), re.M)
+    steps = {
+        name: int(length)
+        for names, lengths in listed
+        for name, length in zip(re.findall(r"\w+", names), lengths.split(", "), strict=True)
+    }
+    assert {id_of(arm, task) for arm in ("RPRP", "FourR", "TwoR") for task in steps} == set(IDS)
+    assert steps == {task: TASKS[task].steps for task in steps}
 
 
 def test_what_an_error_costs_is_what_the_study_wrote():

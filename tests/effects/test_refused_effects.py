@@ -53,6 +53,7 @@ energy = physics(lambda x, k: 0.5 * k * x**2)
 damped = physics(lambda x, rate, k: -k * (x + rate))
 slope = physics(lambda rate, k: 2.0 * k * abs(rate))
 of_limit = physics(lambda rate: rate)
+of_state = physics(lambda z: z)
 falling, knock = physics(lambda z: -z), physics(lambda k: k)
 told, of_draw = physics(lambda reading: reading), physics(lambda normal1: normal1)
 
@@ -85,6 +86,10 @@ HOOKS = {
     ),
     "a damping of another joint": ((e.Force(0, damped, RATE, damping=slope),), OWN_JOINT),
     "a limit of a rate": ((e.Friction(0, of_limit, {"rate": "phid1"}),), "speed, the size of the rate"),
+    "a limit of a state that flows": (
+        (e.Force(0, knock, {"k": ".k"}, states=(state(derivative=falling),)), e.Friction(0, of_state)),
+        "depends on the state 'z', which changes within an interval", "give the state an update",
+    ),
     "the control interval": ((e.Force(0, physics(lambda T: T), {"T": "interval"}),), "called 'interval'"),
     "a mass that moves": (
         (e.PointMass(e.Point(3), ".z", (state(derivative=falling),)),),
@@ -152,6 +157,7 @@ SCENES = {
     "point 5": (
         RPRP, (e.Tether(5, (0.0, 0.0), 1.0),), "Tether.point is 5; RPRP has the points 1 to 4",
     ),
+    "no joint 4": (FOUR_R, (e.MotorLoss(4, 0.1),), "MotorLoss.joint is 4; give 0 to 3 (joint1, joint2,"),
     "one stop of four": (
         FOUR_R, (e.JointStop((0.1,), (0.2,)),), "lower has 1 entries;", "has 4 joints: give an end, or None",
     ),
@@ -183,6 +189,7 @@ NUMBERS = [
     ),
     (lambda: e.CommandDelay(0.2, 0.1), "seconds is 0.2 s; ", "is 0.1 s: give a shorter"),
     (lambda: e.SensorBias(), "SensorBias has neither position nor rate", "give one of them"),
+    (lambda: e.MotorBrake(0.5, 0.0), "MotorBrake.joint is 0.5; give a joint, counted from 0: a whole"),
     (lambda: e.TipForce(), "TipForce has no part; give one or several of step, amplitude, density"),
     (lambda: e.JointTorque(amplitude=1.0), "amplitude is given without frequency; give"),
     (lambda: e.TipForce(density=1.0, phase=1.0), "phase is 1.0 without amplitude; give ampl"),
@@ -194,6 +201,7 @@ LANES = {
     "command_delay.seconds": (0.11, "CommandDelay.seconds is"),
     "disc.radius": ([[0.1], [0.7]], "covers"),
     "joint_torque.time_constant": (-1.0, "JointTorque.time_constant is -1.0; it must lie"),
+    "motor_brake.joint": ([1.0, 4.0], "MotorBrake.joint is 4; give 0 to 3"),
     "tendon.stiffness": ([1.0, -2.0], "Tendon.stiffness"),
     "tip_force.step": ((1.0, 2.0), "parameter is 'tip_force.step'; this scene has", "tip_force.den"),
 }
@@ -204,7 +212,7 @@ LANES = {
 def lanes():
     effects = (
         e.CommandDelay(0.0, 0.1), e.Disc((0.5, 0.4), 0.2), e.JointTorque(deviation=1.0, time_constant=0.1),
-        e.Tendon(("joint1", "joint2"), (0.1, 0.1), 1.0), e.TipForce(density=1.0),
+        e.MotorBrake(0, 0.1), e.Tendon(("joint1", "joint2"), (0.1, 0.1), 1.0), e.TipForce(density=1.0),
     )  # fmt: skip
     return rde.BatchSimulator(rde.Scene(FOUR_R, effects, "euler"), 2)
 

@@ -126,18 +126,47 @@ def test_a_joint_that_sticks_in_a_moving_arm_stays_where_it_is():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("level", [(0.0,) * 4, (0.2, 0.0, 0.0, 0.0)], ids=["none", "of one joint"])
+@pytest.mark.parametrize(
+    "level", [None, (0.0,) * 4, (0.2, 0.0, 0.0, 0.0)], ids=["stops alone", "none", "of one joint"]
+)
 @ARMS
 def test_an_arm_without_friction_falls_from_rest_in_any_pose(arm, level):
     """Stretched out its joints have no acceleration but for rounding, which must not decide who slips."""
-    own = (e.PrismaticStop((0.0, 0.0), (0.2, 0.2), 0.0),) if arm.sliders() else ()
+    upper = tuple(0.2 if slides else 4.0 for slides in arm.prismatic)
+    own = (e.JointStop(tuple(0.0 if slides else -4.0 for slides in arm.prismatic), upper, 0.0),)
+    if level is not None:
+        own = e.CoulombFriction(level), *(own if arm.sliders() else ())
     q = np.random.default_rng(0).choice([0.0, np.pi, np.pi / 2], (8, 4))
     q[0] = 0.0
     q[:, arm.sliders()] = 0.0
-    scene = rde.Scene(arm, (e.Gravity(), e.CoulombFriction(level), *own), tolerance=1e-6)
+    scene = rde.Scene(arm, (e.Gravity(), *own), tolerance=1e-6)
     batch, status = advanced(scene, q, 0.0 * q, intervals=3)
     assert not status.numerics.any()
     assert batch.qd[0].any()
+
+
+@pytest.mark.quick("4R-1e-6")
+@WITH
+@ARMS
+def test_joints_whose_limit_is_0_move_as_without_friction(arm, how):
+    """Their rates pass 0 without an event, which would cut a step; from rest, stretched out, and at stops
+    under error control: fixed steps depend on where impacts cut them."""
+    rng = np.random.default_rng(3)
+    q, qd = rng.uniform(-1.0, 1.0, (2, 8, 4))
+    q[0], qd[:3] = 0.0, 0.0
+    q[:, arm.sliders()] = rng.choice([0.0, 0.3, 0.1], (8, len(arm.sliders())))
+    controlled, motions = how in (METHODS["1e-6"], *EXACT.values()), []
+    for friction in ((), (e.CoulombFriction(0.0),)):
+        effects = e.Gravity(), *friction
+        scene = with_stops(arm, *effects, **how) if controlled else rde.Scene(arm, effects, **how)
+        batch, _ = advanced(scene, q, qd, intervals=0)
+        status = [batch.advance((-1.0) ** k * np.array([9.0, -5.0, 3.0, -1.0])) for k in range(8)]
+        motions.append((batch.q, [s.numerics for s in status], [s.evaluations for s in status]))
+    (free, *_, fewest), (slipping, faults, evaluations) = motions
+    assert not np.any(faults)
+    np.testing.assert_allclose(slipping, free, rtol=0.0, atol=1e-6 if how.get("tolerance") else 1e-9)
+    if not (arm.sliders() and controlled):
+        np.testing.assert_array_equal(evaluations, fewest)
 
 
 # ---- one joint, whose motion is known -----------------------------------------------------------------

@@ -17,7 +17,9 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 import redundant_envs as rde
+from redundant_envs.envs import registration
 from redundant_envs.scenes import config_folder
+from redundant_envs.tasks import REGISTRY as TASKS
 
 VALUES = ("q", "qd", "tip", "goal")
 
@@ -135,6 +137,26 @@ def test_values_are_copies_and_the_tip_follows_a_lanes_own_lengths(kind):
         (kept + 0.0)[...] = 7.0  # a result is its owner's
 
 
+def test_every_id_has_the_length_and_the_scene_of_its_arm_and_task(env_id):
+    spec, (arm, task) = gym.spec(env_id), registration.IDS[env_id]
+    assert spec.max_episode_steps == TASKS[task].steps
+    assert spec.kwargs["scene"] == registration.scene_of(arm, task)
+    assert rde.load_scene(spec.kwargs["scene"]).robot.kind == arm
+
+
+def test_the_longest_name_that_ends_as_that_of_the_task_is_the_scene_of_an_arm(tmp_path, monkeypatch):
+    for file in ("a_reach", "a_around", "a_track_around", "a_light", "b_reach", "b_reach_around"):
+        (tmp_path / f"{file}.yaml").touch()
+    monkeypatch.setattr(registration, "config_folder", lambda kind: tmp_path)
+    monkeypatch.setattr(registration, "SCENES", {"A": "a_reach", "B": "b_reach"})
+    monkeypatch.setattr(registration, "TASKS", ["Reach", "ReachAround", "TrackAround", "ReachLight"])
+    assert registration._scenes_of_tasks() == {
+        ("the task", "ReachAround"): {"A": "a_around", "B": "b_reach_around"},
+        ("the task", "TrackAround"): {"A": "a_track_around"},
+        ("the task", "ReachLight"): {"A": "a_light"},
+    }
+
+
 def page(env_id):
     return type(gym.make(env_id).unwrapped).__doc__
 
@@ -157,8 +179,8 @@ def test_pages_agree_with_the_code(env_id):
     for name in env.core.task.parameters():
         assert f"| `{name}` | {getattr(env.core.task, name)} |" in text
     assert " ".join(row[0] for row in rows(section(text, "Arguments"))) == (
-        "scene accuracy render_mode on_bad_action task randomize observe_parameters info_keys "
-        "render_width render_height"
+        "scene accuracy render_mode on_bad_action task terminate_on_touch randomize "
+        "observe_parameters info_keys render_width render_height"
     )
     terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
     assert [row[0] for row in rows(section(text, "Rewards"))] == terms

@@ -1,7 +1,6 @@
 """The task: starts and goals, observation, reward, success, early ends, and its numbers."""
 
 import gymnasium as gym
-import gymnasium as gym
 import numpy as np
 import pytest
 from faces import FOUR_R, ID, actions, begin, made, running

@@ -129,6 +129,7 @@ def test_casadi_differentiates_a_scene(ca):
     [
         e.PrismaticStop((0.0, 0.0), (0.2, 0.2)), e.CoulombFriction(0.1), e.CommandDelay(0.01, 0.02),
         e.Lag(0.05), e.SensorNoise(0.01, 0.01), e.PickUp(0.1, 1.0), e.MovingBase((0.1, 0.1), 2.0),
+        e.MotorBrake(0, 0.1), e.MotorLoss(0, 0.1),
     ],
     ids=lambda effect: type(effect).__name__,
 )  # fmt: skip

@@ -94,6 +94,7 @@ def test_a_linear_force_of_a_users_effect_maps_exactly_and_another_one_is_refuse
 
 
 EXACT = {"Gravity", "ViscousFriction", "EffortLimits", "CentringSpring", "Payload", "LinkInertia", "Armature"}
+EXACT |= {"KeepOut"}  # it acts on nothing
 
 
 @pytest.mark.quick("mjcf")
@@ -118,7 +119,10 @@ def test_what_has_no_exact_counterpart_is_refused_by_name_and_noted_if_it_is_all
 
 def test_soft_ends_and_dry_friction_are_written_where_they_may_be_approximate():
     stops, friction = e.PrismaticStop((0.0, None), (0.25, 0.3)), e.CoulombFriction((1.0, 2.0, 3.0, 4.0))
-    model = model_of(rde.Scene(R_ARM, (stops, friction)), "mjcf", approximate=True)
+    brake = e.MotorBrake(0, 0.0)  # which has no level: it closes some time
+    model = model_of(rde.Scene(R_ARM, (stops, friction, brake)), "mjcf", approximate=True)
+    _, notes = document(rde.Scene(R_ARM, (friction, brake)), "mjcf", approximate=True)
+    assert [note.written for note in notes] == ["written with its level at rest", "left out"]
     np.testing.assert_array_equal(model.jnt_limited, [0, 1, 0, 1])
     np.testing.assert_array_equal(model.jnt_range[[1, 3]], [[0.0, 0.25], [-1e9, 0.3]])
     np.testing.assert_array_equal(model.dof_frictionloss, [1.0, 2.0, 3.0, 4.0])

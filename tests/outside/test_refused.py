@@ -400,6 +400,8 @@ def test_a_class_without_its_decorator_or_a_default_without_its_type():
 
 GOAL = rde.load_scene("four_r_reach").to_dict()
 GOAL["robot"]["type"] = "RPRPGoal"
+FOUR = "four_r_reach"
+ODD = {**GOAL, "robot": {**GOAL["robot"], "type": "Odd"}}
 BARE = {"robot": {"type": "OddArm", "masses": [1, 1, 1], "lengths": [1, 1]}}
 
 
@@ -407,8 +409,8 @@ def four_r(kind):
     return dataclass(frozen=True)(type(kind, (rde.FourR,), {"kind": kind}))
 
 
-def task_named(name):
-    return type(name, (rde.ReachTask,), {"name": name})
+def task_named(name, **body):
+    return type(f"{name}Task", (rde.ReachTask,), {"name": name, **body})
 
 
 @pytest.mark.parametrize(
@@ -418,6 +420,13 @@ def task_named(name):
         ("no EffortLimits", rde.register_arm, (arm_of(kind="OddArm"), BARE)),
         ("'ThreeR' is taken", rde.register_arm, (four_r("ThreeR"),)),
         ("one with a robot of type ThreeR", rde.register_arm, (three_r.ThreeR, "rprp_reach")),
+        ("scenes is given", rde.register_arm, (arm_of(kind="OddArm"), None, {"Reach": BARE})),
+        (r"scenes\['Reach'\] has the arm FourR", rde.register_arm, (four_r("Odd"), ODD, {"Reach": FOUR})),
+        ("scenes has a task 'No'; choose from Reach", rde.register_arm, (four_r("Odd"), ODD, {"No": ODD})),
+        ("scenes has an arm 'Odd'; choose from RPRP", rde.register_task, (task_named("A"), {"Odd": ODD})),
+        (r"scenes\['RPRP'\] has the arm FourR", rde.register_task, (task_named("A"), {"RPRP": FOUR})),
+        ("scenes is 'four_r_reach'; give a mapping", rde.register_task, (task_named("A"), FOUR)),
+        ("ATask.steps is 0; give a whole number", rde.register_task, (task_named("A", steps=0),)),
         ("does not end with Vector or Env", rde.register_task, (task_named("ReachVector"),)),
         (r"derived from redundant_envs\.Task", rde.register_task, (three_r.ThreeR,)),
     ],

@@ -22,8 +22,9 @@ from redundant_envs.verify.subjects import subject_of
 GOOD = {
     rde.RPRP: {"masses": (2.3, 0.7, 1.9, 0.4), "lengths": (1.1, 0.6)},
     rde.FourR: {"masses": (2.3, 0.7, 1.9, 0.4), "lengths": (1.1, 0.6, 0.9, 0.35)},
+    rde.TwoR: {"masses": (2.3, 0.7), "lengths": (1.1, 0.6)},
 }
-KINDS = pytest.mark.parametrize("kind", GOOD, ids=["RPRP", "FourR"])
+KINDS = pytest.mark.parametrize("kind", GOOD, ids=["RPRP", "FourR", "TwoR"])
 FIELDS = pytest.mark.parametrize("field", ["masses", "lengths"])
 
 
@@ -31,7 +32,7 @@ def test_motors_act_between_a_link_and_the_one_before():
     """RPRP's second motor reacts on the first angle."""
     four_r = [[1, -1, 0, 0], [0, 1, -1, 0], [0, 0, 1, -1], [0, 0, 0, 1]]
     rprp = [[1, 0, -1, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-    assert [kind(**GOOD[kind]).motor_map.tolist() for kind in GOOD] == [rprp, four_r]
+    assert [kind(**GOOD[kind]).motor_map.tolist() for kind in GOOD] == [rprp, four_r, [[1, -1], [0, 1]]]
 
 
 def test_batches_of_any_shape_broadcast():
@@ -76,11 +77,12 @@ def refused(kind, field, value, *parts):
 
 @KINDS
 def test_numbers_become_tuples_that_cannot_be_changed_and_joints_have_names(kind):
-    robot = kind(np.array([2, 1, 3, 1]), [1] * len(GOOD[kind]["lengths"]))
-    assert robot.masses == (2.0, 1.0, 3.0, 1.0)
+    count = len(GOOD[kind]["masses"])
+    robot = kind(np.array([2, 1, 3, 1][:count]), [1] * len(GOOD[kind]["lengths"]))
+    assert robot.masses == (2.0, 1.0, 3.0, 1.0)[:count]
     with pytest.raises(AttributeError):
-        robot.masses = (1.0,) * 4
-    assert [robot.joint_index(n) for n in robot.joints] == [0, 1, 2, 3]
+        robot.masses = (1.0,) * count
+    assert [robot.joint_index(n) for n in robot.joints] == [*range(count)]
     with pytest.raises(ValueError, match=".*".join(["'elbow'", robot.kind, *robot.joints])):
         robot.joint_index("elbow")
 
@@ -88,7 +90,8 @@ def test_numbers_become_tuples_that_cannot_be_changed_and_joints_have_names(kind
 @KINDS
 @FIELDS
 def test_scales_of_30_decades_and_ratios_of_12_are_allowed_and_none_beyond(kind, field):
-    q, qd, Q = np.array([0.3, 0.0, -0.4, 0.0]), np.array([1.0, 0.0, -2.0, 0.0]), np.zeros(4)
+    motion = np.array([0.3, 0.0, -0.4, 0.0]), np.array([1.0, 0.0, -2.0, 0.0]), np.zeros(4)
+    q, qd, Q = (part[: len(kind.joint_types)] for part in motion)
     count = len(GOOD[kind][field])
     small, usual, large = (
         kind(**{**GOOD[kind], field: (x,) * count}).forward_dynamics(q, qd, Q) for x in (1e-30, 1.0, 1e30)

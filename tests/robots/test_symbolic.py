@@ -17,6 +17,7 @@ pytestmark = pytest.mark.long
 ROBOTS = {
     "RPRP": rde.RPRP((2.0, 1.5, 1.0, 0.5), (1.0, 0.8)),
     "FourR": rde.FourR((2.0, 1.5, 1.0, 0.5), (1.0, 0.8, 0.6, 0.4)),
+    "TwoR": rde.TwoR((2.0, 1.5), (1.0, 0.8)),
 }
 
 
@@ -37,14 +38,14 @@ def sides(request):
         links = [[(l1, t1)], [(l1 + r1, t1)], [(l1 + r1, t1), (l2, t2)], [(l1 + r1, t1), (l2 + r2, t2)]]
         heights = (m1 + m2 + m3 + m4) * l1 * sp.sin(t1) + (m2 + m3 + m4) * r1 * sp.sin(t1)
         heights += (m3 + m4) * l2 * sp.sin(t2) + m4 * r2 * sp.sin(t2)
-    else:  # report 2.1
-        links = [list(zip(l[:k], q[:k], strict=True)) for k in range(1, 5)]
+    else:  # report 2.1; 2R is its first half
+        links = [list(zip(l[:k], q[:k], strict=True)) for k in range(1, len(q) + 1)]
         heights = sum(sum(masses[k:]) * l[k] * sp.sin(t) for k, t in enumerate(q))
     points = [tuple(sum(a * f(t) for a, t in part) for f in (sp.cos, sp.sin)) for part in links]
     moving = [(m, *point, *map(rate, point)) for m, point in zip(masses, points, strict=True)]
     T = sum(m * (vx**2 + vy**2) for m, _, _, vx, vy in moving) / 2
     momenta = [sp.diff(T, w) for w in qd]
-    derived = {"T": T, "U": p["g"] * heights, "tip": sp.Matrix(points[3])}
+    derived = {"T": T, "U": p["g"] * heights, "tip": sp.Matrix(points[-1])}
     derived["M"] = M = sp.Matrix([[sp.diff(p, w) for w in qd] for p in momenta])
     # d/dt (dT/dqd) - dT/dq at qdd = 0
     derived["h"] = sp.Matrix([rate(p) - sp.diff(T, x) for p, x in zip(momenta, q, strict=True)])

@@ -8,7 +8,7 @@ import pytest
 from catalogue import SCENES
 
 import redundant_envs as rde
-from redundant_envs.effects.hooks import Actuation, Effect, Force, Point, State
+from redundant_envs.effects.hooks import Actuation, Effect, Force, Obstacle, Point, State
 from redundant_envs.language.algebra import exp, maximum, physics, where
 from redundant_envs.scenes.scene import LONGEST_INTERVAL, SHORTEST_INTERVAL, scene_names
 from redundant_envs.verify import Mode, Verdict, conservation, evaluators, hints, impacts, symmetries, verify
@@ -99,6 +99,7 @@ RIGHT = [
     lagging(rate=times(1.6)),
     swinging(times(1.6)),
     switching(lambda x, lower, upper, k, side: -k * x - 9.0 * k * maximum(side, 0.0) * (x - upper)),
+    Obstacle(physics(lambda xa, ya, xb, yb, k: xa + ya + xb + yb - k)),
 ]
 WRONG = {
     "the sign of a potential": (
@@ -123,6 +124,9 @@ WRONG = {
     "the rate of a state": ("declared rates of states", lagging(rate=times(1 / 1.6))),
     "rates of states that swing": ("declared rates of states", swinging(times(1 / 1.6))),
     "a closed form that is half as fast": ("closed forms of states", lagging(closed=after(0.5))),
+    "a clearance at rest": (
+        "numbers at rest", Obstacle(physics(lambda xa, xb, k: k * (xb - xa) / abs(xa))),
+    ),
     "a jump at the top, with the rate": (
         "forces at their switches",
         switching(

@@ -13,6 +13,10 @@ from redundant_envs.control.following import leaning, normalized
 from redundant_envs.control.poses import cheapest, far_apart, pose_at, poses_at
 from redundant_envs.control.reachable_values import ReachableValues
 from redundant_envs.control.time_law import Motion, minimum_jerk, quickest, quintic, timed
+from redundant_envs.effects import MotorBrake
+from redundant_envs.effects.motor_faults import MotorFault
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.values import shown
 
 Array = NDArray[np.float64]
 GRID = 13  # of the poses at a goal
@@ -32,7 +36,15 @@ one that motors hold with the share above; and for one at the goal, per metre.""
 
 
 class ReachFault(Planned):
-    """Plans for all lanes at once, and again for those in which a joint has braked."""
+    """Plans for all lanes at once, and again for those in which a joint has braked. ValueError for a scene
+    with another fault than one MotorBrake."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        faults = [effect for effect in scene.effects if isinstance(effect, MotorFault)]
+        if [type(effect) for effect in faults] != [MotorBrake]:
+            raise ValueError(f"effects has the faults {shown(faults)}; the expert knows one MotorBrake alone")
+        self._key = faults[0].key
 
     def begin(
         self, q: Array, goal: Array, index: NDArray[np.intp] | None, numbers: Mapping[str, Array]
@@ -42,7 +54,7 @@ class ReachFault(Planned):
             self._joint, self._braked = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.bool_)
             self._at, self._since, self._goal = np.zeros(n), np.zeros(n), np.zeros((n, 2))
             self.following.motion = None
-        self._joint[index], self._at[index] = numbers["motor_brake.joint"], numbers["motor_brake.at"]
+        self._joint[index], self._at[index] = numbers[f"{self._key}.joint"], numbers[f"{self._key}.at"]
         self._braked[index], self._since[index], self._goal[index] = False, 0.0, goal
         super().begin(q, goal, index, numbers)
 

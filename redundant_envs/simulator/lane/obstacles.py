@@ -43,8 +43,8 @@ class Watch(NoWatch):
     In a step the ends of links move along the cubics that have their places and velocities at both ends of
     the step (Hermite). The gaps of each link at the start, in the middle and at the end of the step tell when
     the gap of which link is least, and it is computed there, too. Under error control no link turns by more
-    than half a radian in a step: a place is off by at most 0.5^4 / 384, or 1.6e-4, of its distance from the
-    base. Deep in a disc, where links pass its centre, the least gap is less exact than at its edge.
+    than half a radian in a step: a place is off by 0.5^4 / 384, or 1.6e-4, of its distance from the base
+    at most. Deep in a disc, where links pass its centre, the least gap is less exact than at its edge.
     """
 
     def __init__(self, dynamics: Any) -> None:

@@ -3,14 +3,14 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from redundant_envs.effects.hooks import Impact
+from redundant_envs.effects.hooks import SPEED, Impact
 from redundant_envs.language.algebra import all_of, cases, logical_not, maximum, minimum, sqrt, total, where
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.simulator.events.boundary import BoundedCoordinate, guarded
 from redundant_envs.simulator.events.first_event import Encounter
 from redundant_envs.simulator.lane.boundary import SMALLEST_LATE_SHARE, Guard, Joint, Travel, times
-from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.dynamics import Dynamics, quantities_of_arm
 from redundant_envs.simulator.lane.fields import STATE, Own, Variable
 from redundant_envs.simulator.lane.memory import Lane
 
@@ -47,8 +47,11 @@ class StickingJoint(Guard):
         self.joint, self.travel = travel or joint, travel
         self.at = f"at_{self.name}"
         """The quantity that says at which side's stop it is."""
-        self.rubs = joint.index in joint.dynamics.frictions
+        frictions = joint.dynamics.frictions.get(joint.index, ())
+        self.rubs = bool(frictions)
         """Whether it has friction, and not a stop alone."""
+        self.rubs_by_speed = any(SPEED in a.functions["limit"].names for a in frictions)
+        """Whether that may be friction which is 0 at rest alone."""
 
     def in_step(self, lane: Lane) -> BoundedCoordinate:
         return guarded(self.watched(lane), sticks=True)
@@ -78,27 +81,44 @@ class StickingJoint(Guard):
         ``held`` if ``x`` has no forces."""
         mode = x[self.side]
         # Without friction nothing changes where a rate passes 0: a stop is met as a position.
-        slips = -(mode * x[f"phid{self.joint.number}"]) if self.rubs else SLIPS_FREELY
+        slips = where(self._slips_freely(x), SLIPS_FREELY, -(mode * x[f"phid{self.joint.number}"]))
         return where(mode == 0.0, self._load(x) if held is None else held[self.name], slips)
 
     def _load(self, x: Quantities) -> Any:
         """How much the force that holds it exceeds its limit, N m or N."""
         dynamics = self.dynamics
         applied = "t" if dynamics.scene.actuation == "joint" else "Q"
-        forces = f"{applied}Gh" if dynamics.frictions else applied
-        loads = total(abs(x[f"{force}{k + 1}"]) for force in forces for k in range(dynamics.count))
+        loads = total(abs(x[f"{force}{k + 1}"]) for force in f"{applied}Gh" for k in range(dynamics.count))
         hold = x[f"hold{self.joint.number}"]
         load = abs(hold)
         if self.travel is not None:  # whose stop holds it in one direction, whatever that takes
             load = where(x[self.at] == 0.0, load, x[self.at] * hold)
         return load - (TORN_LOOSE * dynamics.friction_limit(self.joint.index, x, 0.0) + LOST_IN_LOADS * loads)
 
+    def _slips_freely(self, x: Quantities) -> Any:
+        """Whether it has no friction now: it has none at all, or a limit that is 0 throughout a step."""
+        if self.rubs_by_speed:
+            return False
+        return not self.rubs or self.dynamics.friction_limit(self.joint.index, x, 0.0) == 0.0
+
     # ---- what a lane does with it --------------------------------------------------------------------
 
+    def _never_rests(self, lane: Lane) -> Any:
+        """Whether it cannot rest where it is: it has no friction now, and is at no stop."""
+        x = quantities_of_arm(self.dynamics, lane)
+        x.update(lane.values(self.dynamics.effect_states.updated))
+        free = True if self.travel is None else self.travel.side_touched(lane) == 0.0
+        return free & self._slips_freely(x)
+
+    def _mode(self, lane: Lane, rate: Any) -> Any:
+        """With a rate it slips that way; without one it sticks, unless forces object."""
+        still = where(self._never_rests(lane), 1.0, 0.0)
+        return cases((rate > 0.0, 1.0), (rate < 0.0, -1.0), default=still)
+
     def begin_mode(self, lane: Lane) -> None:
-        """Before a common step: with a rate it slips that way; else it sticks, unless forces object."""
+        """Before a common step."""
         position, rate = self.joint.motion(lane)
-        lane[self.side] = cases((rate > 0.0, 1.0), (rate < 0.0, -1.0), default=0.0)
+        lane[self.side] = self._mode(lane, rate)
         lane[self.pull] = -abs(rate)
         self._come_to_rest(lane, position, lane[self.side] == 0.0)
 
@@ -122,9 +142,9 @@ class StickingJoint(Guard):
         now[joint.coordinate] = where(sticks, position, now[joint.coordinate])
 
     def strike(self, lane: Lane, strikes: Any) -> None:
-        """After impulses: with a rate it slips that way, and without one it is decided anew."""
+        """After impulses: without a rate it is decided anew."""
         position, rate = self.joint.motion(lane)
-        mode = cases((rate > 0.0, 1.0), (rate < 0.0, -1.0), default=0.0)
+        mode = self._mode(lane, rate)
         lane[self.side] = where(strikes, mode, lane[self.side])
         self._come_to_rest(lane, position, strikes & (mode == 0.0))
 
@@ -134,6 +154,7 @@ class StickingJoint(Guard):
         position, rate = self.joint.motion(lane)
         mode, force = lane[self.side], lane[self.force]
         wrong = where(mode == 0.0, lane[self.pull] > 0.0, mode * lane[self.alpha] < 0.0)
+        wrong = wrong & logical_not(self._never_rests(lane) & (mode != 0.0))
         if self.travel is not None:
             wrong = wrong | (mode * self.travel.side_touched(lane) > 0.0)
         wrong = wrong & (rate == 0.0) & settled

@@ -1,7 +1,7 @@
 """What tasks share in which no link may touch an obstacle."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -118,6 +118,7 @@ class AmongObstacles(ReachTask):
     metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "struck_new", "cost", "clearance")
     flags: ClassVar[tuple[str, ...]] = (*ReachTask.flags, "struck_new")
     labels = {**ReachTask.labels, "struck_new": "struck"}
+    failures: ClassVar[Mapping[str, str]] = {"struck": "a link touched an obstacle"}
     held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "struck_new", "cost")
     units = {
         **ReachTask.units, "clear_margin": "reaches",
@@ -171,6 +172,13 @@ class AmongObstacles(ReachTask):
         }
         touch = {"struck_obs": "1 once a link has touched an obstacle, else 0"}
         return {**super().observation(scene), **of_discs, **distances, **touch}
+
+    def pose_note(self) -> str:
+        first = f"{self.hang_low:g} to {self.hang_high:g} rad"
+        return f"the first joint in {first}, other joint angles uniform in +-{self.bend:g} rad"
+
+    def end_note(self) -> str:
+        return f"a touch{'' if self.terminate_on_touch else ', with `terminate_on_touch`'}, or"
 
     def success_note(self) -> str:
         return (

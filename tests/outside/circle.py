@@ -17,7 +17,7 @@ def turned(goal_x, goal_y, turn_s, turn_c):
 
 
 @dataclass(frozen=True)
-class TrackTask(rde.ReachTask):
+class CircleTask(rde.ReachTask):
     """Keep the tip at a target that turns about the base.
 
     Parameters
@@ -28,7 +28,7 @@ class TrackTask(rde.ReachTask):
 
     period: float = 8.0
 
-    name = "Track"
+    name = "Circle"
     summary = "follows a target that turns about its base"
     units = {**rde.ReachTask.units, "period": "s"}
     moves = {"goal_x": "turned_x", "goal_y": "turned_y"}
@@ -38,4 +38,4 @@ class TrackTask(rde.ReachTask):
         return (*super().functions(scene), turn, turned)
 
 
-rde.register_task(TrackTask)
+rde.register_task(CircleTask)

@@ -1,0 +1,52 @@
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from redundant_envs.effects.hooks import Arm, Friction, Hook, named
+from redundant_envs.effects.motor_faults import MotorFault
+from redundant_envs.effects.numbers import Example, checked, one, positive, text
+from redundant_envs.language.algebra import physics, where
+
+
+@functools.cache
+def grip_at(k: int) -> Callable[..., Any]:
+    """The limit of the brake's friction in joint k, counted from 0."""
+
+    @physics
+    def limit(joint, active, grip):
+        return where(joint == float(k), where(active > 0.0, grip, 0.0), 0.0)
+
+    return limit  # type: ignore[no-any-return]
+
+
+@dataclass(frozen=True)
+class MotorBrake(MotorFault):
+    """The motor of one joint gives no effort from a time on, and its brake, dry friction, holds the joint.
+
+    The brake stops the joint in the time that its grip takes, and from then on the rate is 0 exactly. Before
+    it closes it does nothing. Whether it has closed is the state ``active``.
+
+    Parameters
+    ----------
+    joint : float
+        The joint, counted from 0: a whole number, which may be drawn ("motor_brake.joint").
+    at : float
+        s, not negative: the brake is closed from the first control interval on that begins then or later,
+        counted from the start of the motion or the episode.
+    grip : float, default 1000
+        Largest torque (N m) or force (N) of the brake, positive. An impact at a stop turns a closed brake by
+        the way that its grip takes to stop the joint again.
+    name : str, default ""
+        Tells several of a scene apart: "left" makes "motor_brake_left.at".
+    """
+
+    grip: float = field(default=1000.0, metadata=one(positive, "N m or N"))
+    name: str = field(default="", metadata=checked(text))
+
+    static = ("name",)
+    key = named("motor_brake_")
+    example = Example({"joint": 1.0, "at": 0.1})
+
+    def hooks(self, arm: Arm) -> tuple[Hook, ...]:
+        return (*self.cuts(arm), *(Friction(k, grip_at(k)) for k in range(len(arm.joints))))
