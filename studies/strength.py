@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.control import holding_load, lightest_pose, pose_at
+from redundant_envs.control import ComputedTorque, holding_load, lightest_pose, pose_at
 from redundant_envs.control.holding import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
@@ -27,7 +27,7 @@ from redundant_envs.tasks.reach import ReachTask
 from redundant_envs_train.config import Config, checked, load
 from redundant_envs_train.evidence.curves import EXPERT_COLOR, LEARNER_COLORS
 from redundant_envs_train.evidence.runs import Run, read_groups
-from redundant_envs_train.rollout import EVALUATION_SEED, computed_torque_act, run_episodes
+from redundant_envs_train.rollout import EVALUATION_SEED, expert_act, run_episodes
 from redundant_envs_train.run_folder import check_study
 from redundant_envs_train.statistics import wilson
 from redundant_envs_train.training.many import train_many
@@ -110,7 +110,8 @@ def expert_rows(
     for factor in factors:
         rows.append(Row(arm, factor, HOLDABLE, *_share(loads <= factor), None, 0, episodes))
         for who, pose in POSES.items():
-            act, weak = computed_torque_act(pose), weakened(scene, factor)
+            act = expert_act(lambda task, scene, pose=pose: ComputedTorque(scene, pose=pose))
+            weak = weakened(scene, factor)
             outcome = run_episodes(env_id, act, episodes, seed, scene=weak)
             assert outcome.hold is not None
             assert outcome.touch is not None  # reach tasks tell both

@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.control.experts import baseline_of
 from redundant_envs.envs.registration import full_id, ids
 from redundant_envs.scenes.files import exists
 from redundant_envs.support.extras import needs
@@ -17,12 +18,12 @@ from redundant_envs.support.figures import check_clip, write_clip
 from redundant_envs.support.values import check_between, say, shown
 
 from .config import MAX_EPISODES, Config
-from .rollout import Act, computed_torque_act, expert_act, policy_act, random_act, stacked
+from .rollout import Act, expert_act, policy_act, random_act, stacked
 from .run_folder import own_config, tell_differences
 
 ACTIONS: dict[str, Callable[[int], Act]] = {
     "zero": lambda seed: lambda obs, core, step: np.zeros((core.num_envs, len(core.actions)), np.float32),
-    "random": random_act, "expert": lambda seed: expert_act(), "near": lambda seed: computed_torque_act(),
+    "random": random_act, "expert": lambda seed: expert_act(), "near": lambda seed: expert_act(baseline_of),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
 CLIP_EVERY = 2  # control steps from frame to frame

@@ -9,7 +9,6 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from redundant_envs.control import ComputedTorque, pose_at
 from redundant_envs.control.experts import Expert, expert_of
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import numbers_of
@@ -168,11 +167,6 @@ def expert_act(make: Callable[[Task, Scene], Expert] = expert_of) -> Act:
         return expert.action(steps * core.scene.control_dt, q, qd)
 
     return act
-
-
-def computed_torque_act(pose: Callable[..., Any] = pose_at) -> Act:
-    """Computed torque to a ``pose`` at the goal, by default that near the start, whatever the task is."""
-    return expert_act(lambda task, scene: ComputedTorque(scene, pose=pose))
 
 
 def random_act(seed: int = 0) -> Act:

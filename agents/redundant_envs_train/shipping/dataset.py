@@ -26,7 +26,8 @@ from ..play import ACTIONS, act_of
 from ..rollout import Act, recorded
 from ..run_folder import check_out, new_folder, own_config
 
-ACTORS = {"expert": "expert", "near": "computed torque", "random": "random actions"}
+ACTORS = {"expert": "expert", "near": "baseline", "random": "random actions"}
+COMPUTED_TORQUE = "computed torque"
 ABOUT = (
     "Episodes of {} by {}, with the seeds {} to {}. Reset with the seed of an episode, the environment gives "
     "its observations for its actions, to the last bit. infos begin at the reset, as observations do: effort "
@@ -77,11 +78,12 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
 
 
 def actor_of(who: str, env_id: str) -> str:
-    """Who acts, in words; the expert of a task that names none is computed torque."""
+    """Who acts, in words; a task that names no expert and no baseline has computed torque."""
     task = TASKS[IDS[env_id].task]
-    if who == "expert":
-        return ACTORS["near"] if task.expert == Task.expert else f"expert of {task.name}"
-    return ACTORS[who]
+    named = {"expert": task.expert, "near": task.baseline}.get(who, "")
+    return (
+        COMPUTED_TORQUE if named == Task.expert else f"{ACTORS[who]} of {task.name}" if named else ACTORS[who]
+    )
 
 
 def spec_of(env_id: str, env_kwargs: Mapping[str, Any]) -> EnvSpec:

@@ -41,7 +41,16 @@ class Expert(Protocol):
 
 def expert_of(task: Task, scene: Scene) -> Expert:
     """The expert that a task names, for its episodes in a scene."""
-    module, _, name = task.expert.partition(":")
+    return _made(task.expert, scene)
+
+
+def baseline_of(task: Task, scene: Scene) -> Expert:
+    """The classical controller from the nearest pose that a task names."""
+    return _made(task.baseline, scene)
+
+
+def _made(place: str, scene: Scene) -> Expert:
+    module, _, name = place.partition(":")
     kind: Any = getattr(importlib.import_module(module), name)
-    expert: Expert = kind(scene)
-    return expert
+    made: Expert = kind(scene)
+    return made

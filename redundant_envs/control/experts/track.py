@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.control.experts.planned import Planned
 from redundant_envs.control.joint_path import joint_path, mobility_slopes
-from redundant_envs.control.poses import cheapest, far_apart, poses_at
+from redundant_envs.control.poses import cheapest, far_apart, pose_at, poses_at
 from redundant_envs.control.time_law import Motion, quickest, timed
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Track(Planned):
     """Plans for all lanes at once; only lanes in which no plan serves yet try further first poses."""
 
     frequency = 18.0
-    steps = 200  # of a motion: an episode
+    steps = 200  # of a motion: those of an episode
 
     def plan(self, start: Array, goal: Array, numbers: Mapping[str, Array]) -> Motion:
         targets = targets_of(numbers, self.dt, self.steps)
@@ -121,3 +121,16 @@ class Track(Planned):
         error = np.linalg.norm((self.model.tip(motion.phi) - targets)[:, wait:], axis=-1).max(axis=1)
         effort = self.model.load(*motion).max(axis=1)
         return PER_ERROR * np.maximum(error - MOST_ERROR, 0.0) + np.maximum(effort - MOST_EFFORT, 0.0)
+
+
+class NearestPose(Track):
+    """The baseline of tracking tasks: from the nearest first pose, without a use of the null space."""
+
+    steps = 240  # of the longest episodes
+
+    def _firsts(self, start: Array, first: Array, wait: int) -> Array:
+        near = pose_at(self.model.scene, start @ self.model.inverse, first) @ self.model.b
+        return near[:, None]
+
+    def _posture(self, phi: Array, lanes: Lanes) -> Array:
+        return np.zeros_like(phi)
