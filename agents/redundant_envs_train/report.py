@@ -27,7 +27,7 @@ from .evidence.runs import group, read_run
 from .pages import page, results_table
 from .play import clip
 from .policies import load_policy
-from .rollout import EVALUATION_SEED, EpisodeEnds, expert_act, policy_act, run_episodes
+from .rollout import EVALUATION_SEED, EpisodeEnds, expert_act, expert_name, policy_act, run_episodes
 from .statistics import Statistic, differs, wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
@@ -203,7 +203,8 @@ def misses(result: Mapping[str, Any], missed: int) -> str:
     }  # fmt: skip
     causes = [text if count == missed else f"in {count} {text}" for text, count in reasons.items() if count]
     both = result["missed_by_both"]
-    more = f" Computed torque missed {both} of them, too." if both else ""
+    expert = expert_name(result["env"])
+    more = f" {expert[0].upper()}{expert[1:]} missed {both} of them, too." if both else ""
     return f"{head}: {', '.join(causes)}.{more}"
 
 

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from redundant_envs.control.experts import Expert, expert_of
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import numbers_of
+from redundant_envs.envs.registration import IDS
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
 
 EVALUATION_SEED = 1_000_000  # first seed of the goals of the evaluation; seeds of the training are smaller
@@ -167,6 +169,13 @@ def expert_act(make: Callable[[Task, Scene], Expert] = expert_of) -> Act:
         return expert.action(steps * core.scene.control_dt, q, qd)
 
     return act
+
+
+def expert_name(env_id: str, entry: str = "expert") -> str:
+    """The expert of an environment's task, or its "baseline", in words."""
+    task = TASKS[IDS[env_id].task] if env_id in IDS else Task
+    is_default = getattr(task, entry) == getattr(Task, entry)
+    return "computed torque" if is_default else f"the {entry} of {task.name}"
 
 
 def random_act(seed: int = 0) -> Act:

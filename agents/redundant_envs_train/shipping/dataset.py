@@ -11,7 +11,7 @@ import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
 from redundant_envs import __version__
-from redundant_envs.envs.registration import IDS, full_id, ids
+from redundant_envs.envs.registration import full_id, ids
 from redundant_envs.scenes.files import exists
 from redundant_envs.scenes.scene import scene_at
 from redundant_envs.support.disk import free_bytes
@@ -19,15 +19,16 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.modules import IMPORTED
 from redundant_envs.support.progress import counted
 from redundant_envs.support.values import shown
-from redundant_envs.tasks import REGISTRY as TASKS
-from redundant_envs.tasks import Task
 
 from ..play import ACTIONS, act_of
-from ..rollout import Act, recorded
+from ..rollout import Act, expert_name, recorded
 from ..run_folder import check_out, new_folder, own_config
 
-ACTORS = {"expert": "expert", "near": "baseline", "random": "random actions"}
-COMPUTED_TORQUE = "computed torque"
+ACTORS: dict[str, Callable[[str], str]] = {
+    "expert": expert_name, "near": lambda env_id: expert_name(env_id, "baseline"),
+    "random": lambda env_id: "random actions",
+}  # fmt: skip
+"""Sources without a policy, and who acts then in an environment, in words."""
 ABOUT = (
     "Episodes of {} by {}, with the seeds {} to {}. Reset with the seed of an episode, the environment gives "
     "its observations for its actions, to the last bit. infos begin at the reset, as observations do: effort "
@@ -63,7 +64,7 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
     act = act_of(Path(who), config, trust) if config else None
     make = (lambda seed: act) if act else ACTIONS[who]
     spec = spec_of(env_id, config.env_kwargs if config else {})
-    actor = config.label if config else actor_of(who, env_id)
+    actor = config.label if config else ACTORS[who](env_id)
     name = re.sub(r"[^-\w]", "_", out.absolute().name)
     with new_folder(out) as part:
         single = gym.make(spec)
@@ -75,15 +76,6 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
         })  # fmt: skip
         storage.update_episodes(EpisodeBuffer(*one) for one in _played(spec, make, episodes, seed))
         return int(storage.total_steps)
-
-
-def actor_of(who: str, env_id: str) -> str:
-    """Who acts, in words; a task that names no expert and no baseline has computed torque."""
-    task = TASKS[IDS[env_id].task]
-    named = {"expert": task.expert, "near": task.baseline}.get(who, "")
-    return (
-        COMPUTED_TORQUE if named == Task.expert else f"{ACTORS[who]} of {task.name}" if named else ACTORS[who]
-    )
 
 
 def spec_of(env_id: str, env_kwargs: Mapping[str, Any]) -> EnvSpec:
