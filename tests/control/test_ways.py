@@ -30,7 +30,7 @@ def test_a_road_goes_around_a_disc_and_is_none_where_discs_enclose_the_arm():
 
 
 def test_ways_are_straight_where_that_is_free_and_go_to_the_cheapest_pose():
-    poses = np.stack([[RIGHT, LEFT], [LEFT, RIGHT], [RIGHT, RIGHT], [RIGHT, RIGHT]])
+    poses = np.stack([[RIGHT, LEFT], [LEFT, RIGHT], [RIGHT, LEFT], [RIGHT, RIGHT]])
     costs = np.array([[1.0, 2.0], [1.0, 2.0], [1.0, np.inf], [1.0, np.inf]])
     most = max(map(len, (IN_THE_WAY, RING)))
     discs = np.stack([np.resize(d, (most, 3)) for d in (IN_THE_WAY, IN_THE_WAY, IN_THE_WAY, RING)])
