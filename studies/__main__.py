@@ -63,6 +63,10 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--lanes", type=int, default=4096)
     p.add_argument("--rounds", type=int, default=10)
     written(p)
+    p = study(measure, "modes", "cost of the modes of actions")
+    p.add_argument("--lanes", type=int, default=1024)
+    p.add_argument("--rounds", type=int, default=16)
+    written(p)
     p = study(measure, "effects", "cost of every effect and scene, and whether ceilings hold")
     p.add_argument("name", nargs="*", metavar="NAME", help="effect or scene; default: all")
     configured(p, "effects")
@@ -85,6 +89,10 @@ def parser() -> argparse.ArgumentParser:
             help="judge the same intervals at each of these, m (default: each family at its own)",
         )  # fmt: skip
         written(p)
+    p = study(measure, "ilqr", "what any controller reached: motions that iLQR improved, under weak motors")
+    p.add_argument("arms", nargs="*", metavar="ARM", help="4R or RPRP; default: both")
+    p.add_argument("--goals", type=int, default=100, help="of the strength study, from its first")
+    written(p)
     p = study(accuracy, "accuracy", "error against cost, beside MuJoCo and SciPy")
     configured(p, "accuracy")
     p.add_argument("--out", type=Path, default=OUT, metavar="FOLDER")
@@ -119,13 +127,15 @@ def _families(of: Any, o: Any) -> list[Row]:
 MEASURED: dict[str, tuple[str, Callable[[Any, Any], list[Row]]]] = {
     "throughput": ("dgemm_gflops", lambda of, o: of.run(of.load_study(_config(o)))),
     "environments": ("env", lambda of, o: of.run(o.lanes, o.rounds)),
+    "modes": ("env", lambda of, o: of.run(o.lanes, o.rounds)),
     "effects": ("at", lambda of, o: of.run(of.load_study(_config(o)), o.name)),
+    "ilqr": ("arm", lambda of, o: of.run(o.arms, o.goals)),
     "stops": ("states", lambda of, o: of.run(of.policies(o), o.lanes)),
     "impacts": ("family", _families),
     "intervals": ("family", _families),
 }
 """Studies whose result is a table: the first column that is printed for each row, and how they are run."""
-LEAST = {"intervals": 1, "seed": 0, "processes": 1, "lanes": 8, "rounds": 1}
+LEAST = {"intervals": 1, "seed": 0, "processes": 1, "lanes": 8, "rounds": 1, "goals": 2}
 """Least values of options."""
 
 

@@ -42,6 +42,7 @@ TRAIN, PLAY = f"{AGENTS} train rprp_reach_ppo", f"{AGENTS} play FourRReach-v0"
 DATASET = f"{AGENTS} dataset random --env RPRPReach-v0 --out x"
 MAKE = "import redundant_envs as rde; rde.make_sb3('RPRPReach-v0')"
 ARM = "import redundant_envs as rde; arm = rde.FourR((1,) * 4, (1,) * 4);"
+LINEAR = f"{ARM} from redundant_envs.control.linearisation import from_torch; from_torch(rde.Scene(arm))"
 SCENE = f"{ARM} from studies import peers; s = rde.Scene(arm); z = [[0.0] * 4];"
 MISSING = {
     "matplotlib": ("plot", [SIMULATE, "studies accuracy", f"{AGENTS} curves RUN"]),
@@ -51,7 +52,7 @@ MISSING = {
     "stable_baselines3": (
         "train", [TRAIN, f"{AGENTS} evaluate RUN", "studies policy", "studies stops RUN", MAKE],
     ),
-    "torch": ("train", [TRAIN, MAKE]),
+    "torch": ("train", [TRAIN, MAKE, LINEAR]),
     "typer": ("train", [TRAIN]),
     "pydantic": ("train", [f"{AGENTS} table RUN"]),
     "rich": ("train", [TRAIN]),

@@ -15,8 +15,11 @@ from redundant_envs.effects.effort_limits import EffortLimits as EffortLimits
 from redundant_envs.effects.gear_backlash import GearBacklash as GearBacklash
 from redundant_envs.effects.gravity import Gravity as Gravity
 from redundant_envs.effects.half_plane import HalfPlane as HalfPlane
+from redundant_envs.effects.inner_control import InnerControl as InnerControl
+from redundant_envs.effects.joint_position import JointPosition as JointPosition
 from redundant_envs.effects.joint_stop import JointStop as JointStop
 from redundant_envs.effects.joint_torque import JointTorque as JointTorque
+from redundant_envs.effects.joint_velocity import JointVelocity as JointVelocity
 from redundant_envs.effects.keep_out import KeepOut as KeepOut
 from redundant_envs.effects.lag import Lag as Lag
 from redundant_envs.effects.limit_spring import LimitSpring as LimitSpring
@@ -37,7 +40,9 @@ from redundant_envs.effects.sensor_noise import SensorNoise as SensorNoise
 from redundant_envs.effects.smooth_coulomb_friction import SmoothCoulombFriction as SmoothCoulombFriction
 from redundant_envs.effects.tendon import Tendon as Tendon
 from redundant_envs.effects.tether import Tether as Tether
+from redundant_envs.effects.tip_and_posture import TipAndPosture as TipAndPosture
 from redundant_envs.effects.tip_force import TipForce as TipForce
+from redundant_envs.effects.tip_velocity import TipVelocity as TipVelocity
 from redundant_envs.effects.torque_speed import TorqueSpeed as TorqueSpeed
 from redundant_envs.effects.two_stage_spring import TwoStageSpring as TwoStageSpring
 from redundant_envs.effects.viscous_friction import ViscousFriction as ViscousFriction

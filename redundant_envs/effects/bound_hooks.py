@@ -91,6 +91,12 @@ class Attached(Generic[Kind]):
     def has_laws(self) -> bool:
         return bool(self.law or self.guards)
 
+    def takes_foreign(self, command: str) -> bool:
+        """Whether a function takes a command that is not the input of its own link."""
+        own = isinstance(self.hook, Actuation) and command == f"command{self.hook.joint + 1}"
+        every = (bound for laws in (self.functions, *self.states.values()) for bound in laws.values())
+        return not own and any(command in bound.names for bound in every)
+
     def guard_values(self, x: Quantities) -> tuple[Any, ...]:
         values = self.functions["guard"](x) if self.guards else ()
         return values if isinstance(values, tuple) else (values,)
@@ -155,27 +161,38 @@ class Attachments(tuple[Attached[Hook], ...]):
     """All hooks of a scene, in the order of its effects."""
 
     commands: tuple[str, ...]
-    """Fields of the commanded efforts."""
+    """Fields of the commands: one for each motor, unless the links of an effect share others."""
+    sharing: tuple[str, tuple[str, ...]] | None
+    """The key of that effect, and the units of its commands."""
 
     @classmethod
     def to(cls, arm: Arm, effects: Sequence[Effect], controlled: bool) -> "Attachments":
         """The hooks of effects on an arm; ``controlled``: changes of laws are located."""
-        every = [(effect, hook) for effect in effects for hook in effect.hooks(arm)]
+        every, sharing = [(effect, hook) for effect in effects for hook in effect.hooks(arm)], None
+        if shares := [effect for effect in effects if effect.shared_commands(arm)]:
+            sharing = _sharing(arm, shares)
+            every = _without_idle(every, *sharing)
         names = {effect.key: {*effect.parameters()} for effect in effects}
         for effect, hook in every:
             names[effect.key] |= {state.name for state in states_of(hook)}
         attached = functools.partial(_attached, names, itertools.count(1), itertools.count(1))
+        commands = tuple(numbered("command{}", len(sharing[1] if sharing else arm.joints)))
         instance = cls(attached(*pair) for pair in every)
-        instance.commands = commands = tuple(numbered("command{}", len(arm.joints)))
+        instance.commands, instance.sharing = commands, sharing
+        for name in numbered("command{}", len(arm.joints))[len(commands) :]:
+            if takers := [a.key for a in instance if a.takes_foreign(name)]:
+                raise ValueError(
+                    f"effects: {takers[0]!r} takes {name}, and there are {len(commands)} commands"
+                )
         if controlled and (located := instance._locating(arm)):
             instance = cls(attached(a.effect, a.hook, by_side=True) if a in located else a for a in instance)
-            instance.commands = commands
+            instance.commands, instance.sharing = commands, sharing
         return instance
 
     def _locating(self, arm: Arm) -> set[Attached[Any]]:
         """Links with another law for each side of a guard whose commands change within an interval."""
         links: set[Attached[Any]] = set()
-        for command, chain in self.chains.items():
+        for command, chain in self.links():
             moves = False
             for link in chain:
                 if moves and link.hook.by_side is not None:
@@ -237,15 +254,50 @@ class Attachments(tuple[Attached[Hook], ...]):
 
     @cached_property
     def chains(self) -> dict[str, list[Attached[Actuation]]]:
-        """For the command of each motor the links between it and the effort, in order."""
+        """For the command of each motor the links between it and the effort, in order; where links share
+        commands, those from the shared one on."""
+        return self.stages[-1]
+
+    @cached_property
+    def stages(self) -> list[dict[str, list[Attached[Actuation]]]]:
+        """The chains of the motors; where links share commands, first the links in front of these, by the
+        shared commands, on all of which they act before any of these."""
         links = sorted(self.of(Actuation), key=lambda link: link.hook.link)
-        return {c: [a for a in links if a.hook.joint == k] for k, c in enumerate(self.commands)}
+        if self.sharing is None:
+            return [{c: [a for a in links if a.hook.joint == k] for k, c in enumerate(self.commands)}]
+        joints = sorted(a.hook.joint for a in links if a.key == self.sharing[0])
+        chains = {f"command{k + 1}": [a for a in links if a.hook.joint == k] for k in joints}
+        begin = {c: [a.key for a in chain].index(self.sharing[0]) for c, chain in chains.items()}
+        front = {c: chains[c][: begin[c]] for c in self.commands}
+        return [front, {c: chain[begin[c] :] for c, chain in chains.items()}]
+
+    def efforts_behind(self, key: str, x: Quantities) -> list[Any]:
+        """What leaves the links of an effect at all joints, one at each."""
+        efforts, given = [], x.each(self.commands)
+        for chains in self.stages:
+            for command, chain in chains.items():
+                for link in chain:
+                    reached = link.functions["function"](x)
+                    if link.key == key:
+                        efforts.append(reached)
+                        break
+                    x[command] = reached
+        x.update(zip(self.commands, given, strict=True))
+        return efforts
+
+    def links(self) -> Iterator[tuple[str, list[Attached[Actuation]]]]:
+        """Chains of links, each with the name of its command, in the order in which they act."""
+        return itertools.chain.from_iterable(chains.items() for chains in self.stages)
 
     def units_along(self, joint: int, arm: Arm) -> list[tuple[Effect | None, str]]:
         """Units in the chain of a joint's motor: of what reaches each link, with its effect, and of what
         leaves the last one, with None; ValueError if they do not meet."""
-        effort, chain = hooks.effort_unit(arm, joint), self.chains[self.commands[joint]]
-        unit, giver, units = next((a.hook.takes for a in chain if a.hook.takes), effort), "", []
+        effort, chain = hooks.effort_unit(arm, joint), self.chains[f"command{joint + 1}"]
+        unit, giver = next((a.hook.takes for a in chain if a.hook.takes), effort), ""
+        units: list[tuple[Effect | None, str]] = []
+        if self.sharing is not None:
+            units.append((chain[0].effect, ", ".join(dict.fromkeys(self.sharing[1]))))
+            unit, giver, chain = chain[0].hook.gives or effort, chain[0].key, chain[1:]
         for link in chain:
             units.append((link.effect, unit))
             takes = link.hook.takes
@@ -286,14 +338,19 @@ class Attachments(tuple[Attached[Hook], ...]):
         the input of the link. With ``only``, motors without one of these links are left out."""
         yield from self.moving_fields
         yield from self.of(hooks.Force)
-        for command, chain in self.chains.items():
-            if only is not None and not any(link in only for link in chain):
-                continue
-            original = x[command]
-            for link in chain:
-                yield link
-                x[command] = link.functions["function"](x)
-            x[command] = original
+        whole = only is None or self.sharing is not None  # links of all motors depend on shared commands
+        given = x.each(self.commands)
+        for chains in self.stages:
+            reached: dict[str, Any] = {}
+            for command, chain in chains.items():
+                if not whole and not any(link in only for link in chain):  # type: ignore[operator]
+                    continue
+                original = x[command] if command in self.commands else None
+                for link in chain:
+                    yield link
+                    x[command] = link.functions["function"](x)
+                reached[command], x[command] = x[command], original
+            x.update(reached if chains is not self.stages[-1] else zip(self.commands, given, strict=True))
 
     @cached_property
     def carried(self) -> dict[str, list[str]]:
@@ -348,6 +405,35 @@ class Attachments(tuple[Attached[Hook], ...]):
         self.check_inertias(arm, values)
         inertias = {name: values[name] for _, name in self.inertias}
         return with_inertias(arm, self.inertias, inertias) if inertias else arm
+
+
+def _sharing(arm: Arm, effects: Sequence[Effect]) -> tuple[str, tuple[str, ...]]:
+    """The key of the effect whose links share commands, and their units; ValueError if there are two such
+    effects, or if its links are not one at each joint."""
+    effect, units, count = effects[0], tuple(effects[0].shared_commands(arm)), len(arm.joints)
+    if len(effects) > 1:
+        keys = " and ".join(repr(e.key) for e in effects)
+        raise ValueError(f"effects: {keys} both share commands; leave one of them out")
+    links = [hook for hook in effect.hooks(arm) if isinstance(hook, Actuation)]
+    at = [hook.joint for hook in links]
+    if sorted(at) != [*range(count)] or len(units) > count:
+        raise ValueError(
+            f"effects: {effect.key!r} shares {len(units)} commands and has links at the joints {at}; give it "
+            f"one link at each of the {count} joints, and at most {count} commands"
+        )
+    return effect.key, units
+
+
+def _without_idle(every: Sequence[Any], key: str, units: Sequence[str]) -> list[Any]:
+    """Hooks without the links in front of shared commands that are those of none, as the third and fourth
+    delays of an arm with two commands."""
+    order = [(hook.link if isinstance(hook, Actuation) else 0, n) for n, (_, hook) in enumerate(every)]
+    first = min(o for o, (effect, hook) in zip(order, every, strict=True) if effect.key == key)
+    return [
+        pair
+        for o, pair in zip(order, every, strict=True)
+        if not (isinstance(pair[1], Actuation) and o < first and pair[1].joint >= len(units))
+    ]
 
 
 def field_of(fields: Iterable[Attached[Field]], x: Quantities) -> tuple[Any, Any]:

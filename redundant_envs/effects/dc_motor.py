@@ -67,6 +67,15 @@ class DCMotor(Effect):
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"voltage[{k}]" for k in range(len(arm.joints)))
 
+    def taken_per_effort(self, arm: Arm) -> tuple[float, ...]:
+        """Volts for each N m or N of a motor at rest, R/(N K)."""
+        joints = range(len(arm.joints))
+        fields = (
+            x if isinstance(x, tuple) else (x,) * len(joints)
+            for x in (self.resistance, self.constant, self.gear)
+        )
+        return tuple(r / (n * k) for r, k, n in zip(*fields, strict=True))
+
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:
         current = State(f"current[{k}]", "A", current_change, rate=electrical_rate, closed=current_after)

@@ -218,11 +218,11 @@ class Friction:
     """Dry friction in a joint: a set-valued force that holds the joint as long as that takes no more than its
     limit, and that opposes its rate with the limit while it moves.
 
-    ``limit`` gives the largest force [N m or N], not negative, from parameters, states of its effect that have
-    an ``update``, and ``speed``, the size of the rate of the joint; at 0 it is that of static friction. A
-    joint that sticks has the rate 0 exactly. When joints stick and slip is located in time, with every
-    integrator. Limits in one joint add up. A joint whose limit takes no ``speed`` and is 0, such as that of
-    an open brake, moves as without friction.
+    ``limit`` gives the largest force [N m or N], not negative, from parameters, states of its effect with an
+    ``update``, and ``speed``, the size of the rate of the joint; at 0 it is that of static friction. A joint
+    that sticks has the rate 0 exactly. When joints stick and slip is located in time, with every integrator.
+    Limits in one joint add up. A joint whose limit takes no ``speed`` and is 0, such as that of an open
+    brake, moves as without friction.
     """
 
     joint: int
@@ -496,11 +496,27 @@ class Effect:
         return ()
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
-        """Own numbers in units of which an environment takes its actions, one for each motor; () if none.
+        """Own numbers in units of which an environment takes its actions, one for each command; () if none.
 
         They have the unit of the command that reaches the effect's links. If several effects of a scene give
         such numbers, those of the effect whose links come first in the chains are used.
         """
+        return ()
+
+    def effort_units(self, arm: Arm) -> tuple[str, ...]:
+        """Own numbers in units of which a mode of actions counts the efforts that leave its links, one for
+        each joint; () of all other effects. Rewards and pictures show these efforts in place of actions."""
+        return ()
+
+    def taken_per_effort(self, arm: Arm) -> tuple[float, ...]:
+        """What the motors need for an effort of 1 at rest, of an effect whose links take no effort; else
+        ()."""
+        return ()
+
+    def shared_commands(self, arm: Arm) -> tuple[str, ...]:
+        """Units of the commands that its links at all joints share, at most one for each joint; () if each
+        motor has a command of its own. Their functions take them as ``command1``, ``command2``, ...; links in
+        front of them act on these commands, and those behind them on the efforts of the motors."""
         return ()
 
     def units(self, arm: Arm) -> dict[str, str]:

@@ -35,8 +35,8 @@ class MotorBrake(MotorFault):
         s, not negative: the brake is closed from the first control interval on that begins then or later,
         counted from the start of the motion or the episode.
     grip : float, default 1000
-        Largest torque (N m) or force (N) of the brake, positive. An impact at a stop turns a closed brake by
-        the way that its grip takes to stop the joint again.
+        Largest torque (N m) or force (N) of the brake, positive. An impact of another joint at a stop moves
+        the joint until the grip has stopped it again.
     name : str, default ""
         Tells several of a scene apart: "left" makes "motor_brake_left.at".
     """

@@ -61,7 +61,9 @@ class Animation:
         self._tips = points[:, -1]
         self._farthest = float(np.hypot(points[..., 0], points[..., 1]).max())
         self._drawing = Drawing(scene)
-        self._limits = np.array([scene.parameters()[name] for name in scene.action_units()])
+        self._limits = np.array(
+            [scene.parameters()[name] for name in scene.effort_units() or scene.action_units()]
+        )
 
     def __repr__(self) -> str:
         what = f"{self._scene.robot.kind}, {self._t[-1] - self._t[0]:g} s"

@@ -9,12 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.effects import REGISTRY as EFFECTS
+from redundant_envs.effects.hooks import snake_case
+from redundant_envs.effects.inner_control import InnerControl
+from redundant_envs.envs.registration import check_motors
 from redundant_envs.language.algebra import arguments_of
 from redundant_envs.scenes.numbers import check_ranges, ends_of, entries_of, names_of
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.support.values import shown
+from redundant_envs.support.values import check_between, shown, whole_number
 from redundant_envs.tasks.base import Task, full_reach, hard_stops
 
+MOST_STEPS = 1000
+"""Most control steps of a decision: a call of all of them takes as long as so many steps, and cannot be
+shorter."""
 LARGEST_WHOLE = 2**53  # largest number of control steps: floats count exactly up to it
 
 
@@ -87,6 +94,39 @@ def episode_limit(max_steps: Any) -> float:
             f"max_episode_steps is {shown(max_steps)}; give a whole number of at least 1, or -1 for no limit"
         )
     return float(max_steps)
+
+
+def decision(decide_every: Any) -> int:
+    """Control steps of a decision, from ``decide_every``."""
+    steps = whole_number("decide_every", decide_every)
+    check_between("decide_every", steps, 1, MOST_STEPS)
+    return steps
+
+
+def modes() -> dict[str, type[InnerControl]]:
+    """Modes of actions by their names, of effects that are registered."""
+    found = {snake_case(n): kind for n, kind in EFFECTS.items() if issubclass(kind, InnerControl)}
+    return dict(sorted(found.items()))
+
+
+def with_mode(scene: Scene, action: Any) -> Scene:
+    """The scene with the mode of actions that ``action`` names, unless it has this one; None is its own.
+    ValueError if it has another one, or the mode does not fit it."""
+    if action is not None and (not isinstance(action, str) or action not in ("effort", *modes())):
+        valid = ", ".join(("effort", *modes()))
+        raise ValueError(f"action is {shown(action)}; choose {valid}, or None for that of the scene")
+    there = next(
+        (snake_case(type(e).__name__) for e in scene.effects if e.effort_units(scene.robot)), "effort"
+    )
+    if action is None or action == there:
+        return scene
+    if there != "effort":
+        raise ValueError(
+            f"action is {action!r}, and the scene has an effect whose actions are {there!r}; leave action "
+            "out, or the effect"
+        )
+    check_motors(scene)
+    return dataclasses.replace(scene, effects=(*scene.effects, modes()[action].for_scene(scene)))
 
 
 def simulated(scene: Scene, task: Task, randomize: Any) -> Scene:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,7 +20,14 @@ from redundant_envs.model import parameters
 from redundant_envs.model.memory import IN_USE, KEPT, NOBODY, Memory, aligned, alone
 from redundant_envs.model.programs import Call, Copied, Simulator, Team, address, environment_simulator
 from redundant_envs.scenes.scene import Scene, scene_at
-from redundant_envs.simulator.batch.environment import BEGUN, DUE, EPISODE_KEY, Autoreset, KernelCall
+from redundant_envs.simulator.batch.environment import (
+    BEGUN,
+    DECISION,
+    DUE,
+    EPISODE_KEY,
+    Autoreset,
+    KernelCall,
+)  # fmt: skip
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import ENDS, TIP, Episode
 from redundant_envs.simulator.lane.fields import Layout
@@ -71,9 +79,12 @@ class Core(Copied):
         observe_parameters: Sequence[str] = (),
         info_keys: Any = None,
         autoreset: Autoreset = Autoreset.DISABLED,
+        action: str | None = None,
+        decide_every: int = 1,
     ) -> None:
+        self.decide_every, self.env_id = arguments.decision(decide_every), env_id
         self.autoreset = autoreset
-        self.scene = scene_at(scene, accuracy)
+        self.scene = arguments.with_mode(scene_at(scene, accuracy), action)
         self.task: Any = task  # its numbers are its own
         check_motors(self.scene)
         check_arm(env_id, self.scene.robot.kind)
@@ -84,6 +95,7 @@ class Core(Copied):
         self.num_envs = num_envs
         self.threads = whole_number("threads", threads)
         self.simulator = self._found_simulator(vars(self))
+        self.max_episode_steps = arguments.episode_limit(max_episode_steps)
         self.memory = first_memory(self.episode, self.simulator.layout, num_envs, max_episode_steps)
         self._memory = self.memory
         self.begun: NDArray[np.bool_] | None = None  # lanes that began an episode in the last step, if any
@@ -105,10 +117,28 @@ class Core(Copied):
         """Calls that nobody makes now: learners ask for rewards of old goals from threads of their own."""
         self.keys, self.mask = self.key_table[:, :-1], self.key_table[:, -1]
         self._key_address = address(self.key_table)
+        self.set_decision(self._team)
         seen = [4 * self.obs_size, *(table.itemsize for table in Outputs.allocate(self.columns, 1))]
         bytes_of_lane = [4 * len(self.actions), *seen, 0, *seen, self.key_table.strides[0], 0, 0, 0]
         self._offsets = [[part.first * LANES * size for size in bytes_of_lane] for part in self._team.parts]
         """What the arguments of each part are behind those of the first."""
+
+    @property
+    def frames_per_second(self) -> float:
+        """Calls of ``step`` in a second of the motion."""
+        return 1.0 / (self.scene.control_dt * self.decide_every)
+
+    def limit_decisions(self) -> None:
+        """Let episodes of a single environment end after the control steps of its id, if decisions last for
+        several: Gymnasium's TimeLimit counts calls of ``step``."""
+        if self.decide_every > 1 and self.env_id is not None:
+            steps = gym.spec(self.env_id).max_episode_steps
+            self.memory.column("limit")[:] = arguments.episode_limit(steps)
+
+    def set_decision(self, team: Team) -> None:
+        """Tell the calls of a team how many control steps a decision lasts."""
+        for part in team.parts if self.decide_every > 1 else ():
+            part.set(**{DECISION: self.decide_every})
 
     @property
     def episode(self) -> Episode:
@@ -118,7 +148,9 @@ class Core(Copied):
     @staticmethod
     def _found_simulator(state: Mapping[str, Any]) -> Simulator:
         fields = map(Dynamics(state["simulated"]).parameters.field_of, state["observed"])
-        return environment_simulator(state["simulated"], state["task"], tuple(fields))
+        return environment_simulator(
+            state["simulated"], state["task"], tuple(fields), state["decide_every"] > 1
+        )
 
     @property
     def generators(self) -> list[np.random.Generator | None]:
@@ -138,7 +170,8 @@ class Core(Copied):
             self.waiting[lanes] = True
 
     def step(self, actions: NDArray[np.float32], autoreset: int) -> Tables:
-        """One control step of all lanes; those that NEXT_STEP resets have no reward and no flags."""
+        """One decision of all lanes, by default one control step; those that NEXT_STEP resets have no reward
+        and no flags."""
         if autoreset == Autoreset.SAME_STEP and not self.waiting.all():
             self.provide_keys(np.flatnonzero(~self.waiting))
         tables = self._run(KernelCall.STEP, actions, autoreset)
@@ -315,7 +348,12 @@ class Core(Copied):
 
     @cached_property
     def _single(self) -> "Core":
-        return Core(self.simulated, 1, self.task, observe_parameters=self.observed)
+        single = Core(
+            self.simulated, 1, self.task, env_id=self.env_id, observe_parameters=self.observed,
+            decide_every=self.decide_every,
+        )  # fmt: skip
+        single.limit_decisions()
+        return single
 
     def check_state(self, state: Mapping[str, Any]) -> None:
         """ValueError if :meth:`set_state` cannot take a state."""
@@ -339,6 +377,6 @@ class Core(Copied):
         """The settings that must be equal in all states of these environments."""
         return parameters.simulator_facts(
             self.simulator, self.num_envs, task=dataclasses.asdict(self.task),
-            max_episode_steps=float(self.memory.column("limit")[0, 0]),
+            max_episode_steps=self.max_episode_steps, decide_every=self.decide_every,
             goal_conditioned=self.task.goal_conditioned, autoreset_mode=self.autoreset.name.lower(),
         )  # fmt: skip

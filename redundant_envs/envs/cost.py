@@ -75,9 +75,10 @@ class Timed:
         places = starts(scene, np.random.default_rng(0).random((lanes, joints)))
         self.batch.set_state(places, np.zeros(joints))
         self.start = self.batch.save()
-        shares = np.random.default_rng(1).uniform(-1.0, 1.0, (lanes, WARM + TIMED, joints))
-        # (intervals, lanes, joints), N m and N, or what the first link of a motor takes
-        self.efforts = np.ascontiguousarray(commands(scene) * shares.swapaxes(0, 1))
+        most = commands(scene)
+        shares = np.random.default_rng(1).uniform(-1.0, 1.0, (lanes, WARM + TIMED, len(most)))
+        # (intervals, lanes, commands), N m and N, or what the first link of a motor takes
+        self.efforts = np.ascontiguousarray(most * shares.swapaxes(0, 1))
         self.cores = observers(scene, lanes)  # with sensors, and without; none without sensors
         self.evaluations = self.faults = 0.0  # means of a lane and timed interval
 
@@ -125,7 +126,7 @@ def starts(scene: Scene, draws: Array) -> Array:
 
 
 def commands(scene: Scene) -> Array:
-    """Largest commands of the motors of a scene, (joints,): their limits, or where it has none
+    """Largest commands of a scene, (commands,): units of actions, as limits of motors, or where it has none
     :data:`TIMES_WEIGHT` times the efforts that hold the arm in some poses on the Earth, N m and N."""
     arm, values = scene.robot, scene.parameters()
     if names := scene.action_units():

@@ -42,6 +42,8 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
+        action: str | None = None,
+        decide_every: int = 1,
         render_width: int = PICTURE_SIZE,
         render_height: int = PICTURE_SIZE,
     ) -> None:
@@ -52,8 +54,10 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
             display()  # a missing package or display is reported at once, not at the first step
         core = Core(
             scene, 1, make_task(task, self.task_name, terminate_on_touch), None, accuracy, self.env_id,
-            randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys,
+            randomize=randomize, observe_parameters=observe_parameters, info_keys=info_keys, action=action,
+            decide_every=decide_every,
         )  # fmt: skip
+        core.limit_decisions()
         self.observation_space, self.action_space = self._take(core)
         self._operation: KernelCall | None = None  # kind of step; None if the next call has to be a reset
 
@@ -95,19 +99,20 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         self._operation = KernelCall.CHECKED_STEP if self.on_bad_action == "raise" else KernelCall.STEP
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One control step; the action is (joints,) in [-1, 1], in units of the effort limits."""
+        """One decision, by default one control step; the action is (actions,) in [-1, 1], in units of
+        ``scene.action_units()``: by default (joints,) in units of the effort limits."""
         if self._operation is None:
             when = "after the end of the episode" if self.core.begun_all else "before reset"
             raise gym.error.ResetNeeded(f"step was called {when}; call reset() first")
-        obs, (terminated, reward, info) = self._lane.step(action, self._operation)
+        obs, (terminated, truncated, reward, info) = self._lane.step(action, self._operation)
         if reward != reward and self._operation == KernelCall.CHECKED_STEP:
             refuse_bad_action(np.asarray(action, np.float32))
-        if terminated:
+        if terminated or truncated:
             self._operation = None
             self.core.ended[0] = True
         if self.render_mode is not None:
             self._show()
-        return obs, reward, terminated, False, info
+        return obs, reward, terminated, truncated, info
 
     @first
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -193,12 +198,13 @@ class SingleLane:
         self._buffer = memoryview(rows.view(np.uint8))
         self.outputs = Outputs(*(rows[table][0] for table in columns.tables))
         self.read, self.unpack = self._telling(columns)
-        """Numbers of the last step; from these whether the episode was terminated, reward, and ``info``."""
+        """Numbers of the last step; from these how the episode ended, reward, and ``info``."""
         self._points: Callable[[], tuple[float, ...]] = self._reading(columns, (*TIP, *columns.goal))
         self._memory = core.memory
         self._operation, self._version = -1, -1  # those of the last call
         self._call = self._team if self._team.is_long else functools.partial(part.entry, part.address)
         tables = dict(zip(TABLES, self.outputs, strict=True))
+        core.set_decision(self._team)
         part.set(
             actions=self.action, obs=obs, stride=LANES, last_obs=obs, episode_keys=core.key_table, any_due=0,
             autoreset=Autoreset.DISABLED, **tables, **{f"last_{name}": t for name, t in tables.items()},
@@ -216,13 +222,13 @@ class SingleLane:
     def _telling(self, columns: Columns) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
         drawn = columns.drawn_fields if columns.shows_drawn else ()
         names = {column: name for name, column in columns.shown.items()}
-        wanted = {"terminated", "reward", *names, *drawn}
+        wanted = {"terminated", "truncated", "reward", *names, *drawn}
         read = [column for table in columns.tables.values() for column in table if column in wanted]
         entries = [f"{names[column]!r}: x[{k}]" for k, column in enumerate(read) if column in names]
         if drawn:  # they are the last
             entries.append(f"{DRAWN!r}: drawn_of(x[-{len(drawn)}:])")
         # A dict that is written out takes half the time of dict(zip(...)).
-        ends = f"x[{read.index('terminated')}], x[{read.index('reward')}]"
+        ends = ", ".join(f"x[{read.index(name)}]" for name in ("terminated", "truncated", "reward"))
         unpack = eval(f"lambda x: ({ends}, {{{', '.join(entries)}}})", {"drawn_of": columns.drawn_of})
         return self._reading(columns, read), unpack
 

@@ -165,7 +165,7 @@ class EnvBase:
         """Take the core; gives the spaces of one environment's observation and action."""
         self.core, self._memory = core, core.memory
         self.goal_conditioned = core.task.goal_conditioned  # observations are goal dictionaries
-        self.metadata = {**self.metadata, "render_fps": 1.0 / core.scene.control_dt}
+        self.metadata = {**self.metadata, "render_fps": core.frames_per_second}
         # Observed quantities are within -1 to 1, and the numbers after them within their ranges.
         of_task = [(-1.0, 1.0)] * (core.obs_size - len(core.bounds))
         low, high = np.array([*of_task, *core.bounds], dtype=np.float32).T

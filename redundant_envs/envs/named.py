@@ -1,5 +1,6 @@
 """The classes behind the ids, created when they are requested; their pages are generated from the code."""
 
+import contextlib
 import dataclasses
 import functools
 import importlib
@@ -11,6 +12,7 @@ from typing import Any
 
 import gymnasium as gym
 
+from redundant_envs.envs import arguments
 from redundant_envs.envs.env import ArmEnv, GoalArmEnv
 from redundant_envs.envs.outputs import ALL, Columns
 from redundant_envs.envs.registration import IDS, scene_of
@@ -79,6 +81,19 @@ def action_table(scene: Scene) -> str:
         for k, (joint, limit, unit) in enumerate(units)
     ]
     return markdown(("Num", "Action", "Control Min", "Control Max", "Joint", f"Unit of the {what}"), rows)
+
+
+def mode_table(scene: Scene) -> str:
+    """The modes of actions with what an action of 1 is in each."""
+    rows = []
+    for name in arguments.modes():
+        with contextlib.suppress(ValueError):  # of a mode that does not fit the arm
+            made = arguments.with_mode(scene, name)
+            pairs = zip(made.action_units(), made.command_units(), strict=True)
+            rows.append(
+                (f"`{name}`", ", ".join(f"{made.parameters()[n]:.4g} {u}".rstrip() for n, u in pairs))
+            )
+    return markdown(("`action`", "An action of 1 is"), rows, formatted=True)
 
 
 def reward_table(scene: Scene, task: Task) -> str:
@@ -165,6 +180,7 @@ def page(kind: type[Any], scene_name: Any) -> str:
         flags="" if task.speed_bound_ends else fast,
         observed=len(observed),
         actions=action_table(scene),
+        modes=mode_table(scene),
         observations=markdown(("Num", "Observation", "Min", "Max"), observed),
         rewards=reward_table(scene, task),
         reward_note=task.reward_note(),

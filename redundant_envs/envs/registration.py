@@ -25,7 +25,7 @@ NAMESPACE = "redundant_envs"
 MAX_EPISODE_STEPS = 100  # of a task that does not say its steps
 ARGUMENTS = (
     "scene", "accuracy", "task", "terminate_on_touch", "on_bad_action", "max_episode_steps", "randomize",
-    "observe_parameters", "info_keys",
+    "observe_parameters", "info_keys", "action", "decide_every",
 )  # fmt: skip
 """Arguments of all environments, beside their number and those of pictures."""
 OF_PICTURES = ("render_mode", "render_width", "render_height")

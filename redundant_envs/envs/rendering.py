@@ -442,7 +442,7 @@ class Renderer:
     def record(self, steps: NDArray[np.float64], tips: NDArray[np.float64]) -> None:
         """Record the positions of all tips, (n, 2), and the steps of their episodes so far, (n,); a trail
         starts again with each episode."""
-        stepped = (steps == self._last + 1.0) & (steps > 0.0)
+        stepped = (steps > self._last) & (steps <= self._last + self.core.decide_every) & (steps > 0.0)
         same = (steps == self._last) & (np.abs(self._tips[:, -1] - tips) < 1e-9).all(axis=1)
         self._count[~(stepped | same)] = 0
         self._tips[~same] = np.concatenate([self._tips, tips[:, None]], axis=1)[~same, 1:]
@@ -462,7 +462,7 @@ class Renderer:
         def read(names: Sequence[str]) -> NDArray[np.float64]:
             return core.memory.read(tuple(names), index)[0]
 
-        q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.actions))
+        q, (steps, *efforts) = read(arm.coordinates), read(("steps", *core.episode.efforts))
         present = parameters.present(core.memory, index, scene.parameters())
         states = tuple(core.memory.dynamics.effect_states)
         known = {name: float(x[0]) for name, x in present.items()}
@@ -511,7 +511,7 @@ class Renderer:
             screen = pygame.display.set_mode(size)
         pygame.surfarray.blit_array(screen, picture.swapaxes(0, 1))
         pygame.event.pump()
-        self._clock.tick(1.0 / self.core.scene.control_dt)
+        self._clock.tick(self.core.frames_per_second)
         pygame.display.flip()
 
     def close(self) -> None:

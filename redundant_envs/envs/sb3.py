@@ -44,7 +44,7 @@ class SB3VecEnv(VectorEnvBase, VecEnv):
         self._actions: dict[int, NDArray[np.float32]] = {}  # those that wait for a step, by thread
         super().__init__(core.num_envs, *self._take(core))
         # The base class has put what it knows of pictures in place of the rate of frames.
-        self.metadata = {**self.metadata, "render_fps": 1.0 / core.scene.control_dt}
+        self.metadata = {**self.metadata, "render_fps": core.frames_per_second}
 
     @first
     def reset(self) -> Any:
@@ -139,8 +139,8 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         Monitor does. Without it, wrap the result in a VecMonitor to have them.
     **kwargs
         Those of ``gymnasium.make``: scene, accuracy, task, terminate_on_touch, on_bad_action, render_mode
-        and sizes, max_episode_steps, randomize, observe_parameters, info_keys (all by default, because they
-        are read at the ends of episodes); and threads, over blocks of 8 environments.
+        and sizes, max_episode_steps, randomize, observe_parameters, action, decide_every, info_keys (all by
+        default, because they are read at the ends of episodes); and threads, over blocks of 8 environments.
     """
     num_envs = whole_number("num_envs", num_envs)
     if not isinstance(env_id, str):

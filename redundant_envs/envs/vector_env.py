@@ -41,6 +41,8 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,
+        action: str | None = None,
+        decide_every: int = 1,
         render_width: int = PICTURE_SIZE,
         render_height: int = PICTURE_SIZE,
     ) -> None:
@@ -51,6 +53,7 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         core = Core(
             scene, num_envs, named, max_episode_steps, accuracy, self.env_id, threads, randomize,
             observe_parameters, info_keys, Autoreset[self.autoreset_mode.name],
+            action, decide_every,
         )  # fmt: skip
         self.single_observation_space, self.single_action_space = self._take(core)
         self.metadata["autoreset_mode"] = self.autoreset_mode
@@ -92,7 +95,8 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """One control step of all environments; actions are (num_envs, joints) in [-1, 1]."""
+        """One control step of all environments; actions are (num_envs, actions) in [-1, 1], by
+        default one for each joint."""
         core, mode = self.core, self.autoreset_mode
         if mode is AutoresetMode.DISABLED and core.ended.any():
             raise ValueError(

@@ -62,7 +62,8 @@ def equations(scene: Scene, *wanted: str) -> dict[str, list[Value]]:
     dynamics = Dynamics(scene, located=False)  # positions choose the law of a spring
     with located():
         graph = Graph(whole=True)
-        q, qd, commands = ([Number(graph, graph.load(name, k)) for k in range(n)] for name in INPUTS)
+        sizes = zip(INPUTS, (n, n, len(dynamics.commands)), strict=True)
+        q, qd, commands = ([Number(graph, graph.load(name, k)) for k in range(size)] for name, size in sizes)
         numbers = {**fields_of(dynamics), **dict(zip(dynamics.commands, commands, strict=True))}
         x = dynamics.quantities([*q, *qd], numbers)
         results: dict[str, Iterable[Any]] = {"qdd": dynamics.accelerations(x)[:n]}

@@ -250,13 +250,15 @@ class BatchSimulator(Copied):
         Parameters
         ----------
         efforts : (num_envs, joints) array, optional
-            N m and N at the joints (``Scene.actuation``); zero by default.
+            N m and N at the joints (``Scene.actuation``), or as many commands as ``Scene.command_units()``
+            has, in these units; zero by default.
         """
         return self._advanced(efforts)
 
     def _advanced(self, efforts: ArrayLike | None) -> Status:
-        values = np.zeros(self.simulator.dynamics.count) if efforts is None else efforts
-        table = self._table("efforts", values, self.num_envs)
+        count = len(self.simulator.dynamics.commands)
+        values = parameters.numbers("efforts", np.zeros(count) if efforts is None else efforts)
+        table = parameters.shaped("efforts", values, self.num_envs, count)
         if not table.flags.carray:
             table = table.copy(order="C")
         start, size = address(table), table.strides[0]

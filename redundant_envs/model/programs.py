@@ -145,9 +145,12 @@ def batch_simulator(scene: Scene, track_work: bool) -> Simulator:
     return _kept_or_made(traced_batch, scene, track_work)
 
 
-def environment_simulator(scene: Scene, task: Task, observed: tuple[str, ...] = ()) -> Simulator:
-    """The simulator of an environment; ``observed`` are fields of parameters that observations show."""
-    return _kept_or_made(traced_environment, scene, task, observed)
+def environment_simulator(
+    scene: Scene, task: Task, observed: tuple[str, ...] = (), decides: bool = False
+) -> Simulator:
+    """The simulator of an environment; ``observed`` are fields of parameters that observations show, and with
+    ``decides`` actions last for several control steps."""
+    return _kept_or_made(traced_environment, scene, task, observed, decides)
 
 
 def traced_batch(scene: Scene, track_work: bool, name: str = "") -> Simulator:
@@ -162,9 +165,11 @@ def traced_batch(scene: Scene, track_work: bool, name: str = "") -> Simulator:
     return Simulator(dynamics, trace, name=name)
 
 
-def traced_environment(scene: Scene, task: Task, observed: tuple[str, ...] = (), name: str = "") -> Simulator:
+def traced_environment(
+    scene: Scene, task: Task, observed: tuple[str, ...] = (), decides: bool = False, name: str = ""
+) -> Simulator:
     """The simulator of an environment, traced unless there are facts under its ``name``."""
-    episode = Episode(Dynamics(scene), task, observed)
+    episode = Episode(Dynamics(scene), task, observed, decides)
 
     def trace() -> Traced:
         env = EnvironmentKernel(episode)

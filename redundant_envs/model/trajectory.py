@@ -140,7 +140,7 @@ def simulate(
         )
     if t.size and not t[-1] < 2.0**53 * scene.control_dt:
         raise ValueError(f"times must be shorter than 2^53 control intervals of {scene.control_dt} s")
-    joints = len(scene.robot.joints)
+    joints, commands = len(scene.robot.joints), len(scene.command_units())
     starts = {name: numbers(name, value) for name, value in (("q", q), ("qd", qd))}
     for name, start in starts.items():
         if start.shape[-1:] != (joints,) or not np.isfinite(start).all():
@@ -156,16 +156,16 @@ def simulate(
 
     @functools.lru_cache(maxsize=1)
     def command(step: int) -> Array:
-        """Efforts of a control interval, (count, joints)."""
+        """Commands of a control interval, (count, commands)."""
         value = efforts
         if callable(value):
             value = value(step * dt, *(x.reshape(*shape, joints) for x in (batch.q, batch.qd)))
-        table = numbers("efforts", np.zeros(joints) if value is None else value)
-        if table.shape != (joints,) and table.shape != (*shape, joints):
-            raise ValueError(f"efforts has shape {table.shape}; give ({joints},) or {(*shape, joints)}")
+        table = numbers("efforts", np.zeros(commands) if value is None else value)
+        if table.shape != (commands,) and table.shape != (*shape, commands):
+            raise ValueError(f"efforts has shape {table.shape}; give ({commands},) or {(*shape, commands)}")
         if not np.isfinite(table).all():
             raise ValueError(f"efforts has non-finite entries at t = {step * dt:.6g} s; give finite numbers")
-        return np.broadcast_to(table, (*shape, joints)).reshape(count, joints)
+        return np.broadcast_to(table, (*shape, commands)).reshape(count, commands)
 
     q_all, qd_all, applied = np.empty((3, len(t), count, joints))
     work, z_all = np.empty((len(t), count)), np.empty((len(t), count, len(scene.states())))
@@ -175,7 +175,7 @@ def simulate(
             largest = max(largest, float(np.max(status.error_estimate)))  # NaN, which is none, is not larger
             events += batch.events(step * dt)
             step += 1
-        rest, here, now = time - step * dt, None, np.zeros((count, joints))
+        rest, here, now = time - step * dt, None, np.zeros((count, commands))
         if rest > 0.0 or time < t[-1] or not callable(efforts):
             now = command(step)
         elif step:
@@ -203,8 +203,8 @@ def simulate(
 
 
 def _motor_efforts(batch: BatchSimulator, command: Array, elapsed: float, begun: Array) -> Array:
-    """Efforts of the motors under commands, (num_envs, joints) both, in the present states, ``elapsed`` [s]
-    after the start of a control interval, at which the states of effects were ``begun``."""
+    """Efforts of the motors, (num_envs, joints), under commands, (num_envs, commands), in the present states,
+    ``elapsed`` [s] after the start of a control interval, at which the states of effects were ``begun``."""
     if not any(batch.scene.attached.chains.values()):
         return command
     dynamics = Dynamics(batch.scene, located=False)  # the state selects the laws

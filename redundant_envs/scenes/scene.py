@@ -111,7 +111,8 @@ class Scene:
                 raise ValueError(f"effects have {other!r} and {name!r}, too much alike; rename one")
         if isinstance(self.robot, WithAddedInertia):
             raise ValueError(f"robot is a {self.robot.kind} with added inertias; give the scene's own robot")
-        self.command_units()  # refuses chains whose units do not meet
+        for joint in range(len(self.robot.joints)):
+            self.attached.units_along(joint, self.robot)  # refuses chains whose units do not meet
         _ = self.loaded_robot  # refuses impossible masses and inertias
         _ = self.attached.draws  # refuses states whose draws would be those of others
         if len(owners := [a.key for a in self.attached.instants]) > MAX_INSTANTS:
@@ -254,13 +255,21 @@ class Scene:
         return limits
 
     def action_units(self) -> tuple[str, ...]:
-        """Parameters in units of which an environment takes its actions, one for each motor; () if none."""
+        """Parameters in units of which an environment takes its actions, one for each command; () if none."""
         links = sorted(self.attached.of(Actuation), key=lambda link: link.hook.link)
         units = ((e.key, e.action_units(self.robot)) for e in (*(a.effect for a in links), *self.effects))
         return next((tuple(f"{key}.{name}" for name in names) for key, names in units if names), ())
 
+    def effort_units(self) -> tuple[str, ...]:
+        """Parameters in units of which the efforts of a mode of actions are counted, one for each joint; ()
+        of a scene without a mode, whose actions are efforts themselves."""
+        units = ((e.key, e.effort_units(self.robot)) for e in self.effects)
+        return next((tuple(f"{key}.{name}" for name in names) for key, names in units if names), ())
+
     def command_units(self) -> tuple[str, ...]:
-        """Units of the motors' commands: those of efforts, N m and N, unless an effect takes another one."""
+        """Units of the commands: those of the motors' efforts, N m and N, unless an effect takes others."""
+        if self.attached.sharing is not None:
+            return self.attached.sharing[1]
         return tuple(self.attached.units_along(k, self.robot)[0][1] for k in range(len(self.robot.joints)))
 
     def units(self) -> dict[str, str]:

@@ -22,8 +22,10 @@ class Task:
 
     A task is a frozen dataclass whose numbers are available to its functions by name. Its functions are in
     the physics dialect and find each other, and the quantities of the arm, by name; beside those they know
-    ``action1 ..``, ``low<k>`` and ``high<k>`` (ends of the travel of slider k), ``reach``, ``interval`` (the
-    control interval, s) and ``steps`` (control steps of the episode before this one).
+    ``action1 ..`` of the joints (in a mode of actions what its controller asks of each motor at the end of
+    the interval, as a share of its limit), ``low<k>`` and ``high<k>`` (ends of the travel of slider k),
+    ``reach``, ``interval`` (the control interval, s) and ``steps`` (control steps of the episode before this
+    one).
 
     An episode begins with ``begin_functions``, which compute the task's ``memory`` from ``draw1 ..``, uniform
     in (0, 1). After each control interval first the ``moves`` are applied, then reward and metrics are

@@ -135,9 +135,9 @@ class ReachLightTask(ReachTask):
     ranges = {**ReachTask.ranges, "light": (1e-6, 1.0)}
 
     def functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
-        arm, joints = scene.robot, len(scene.robot.joints)
+        joints, limits = len(scene.robot.joints), scene.effort_units() or scene.action_units()
         return (
-            *super().functions(scene), largest_effort(joints), *loads_at_rest(arm, scene.action_units()),
+            *super().functions(scene), largest_effort(joints), *loads_at_rest(scene.robot, limits),
             observed_loads(joints), largest_at_rest(joints),
         )  # fmt: skip
 

@@ -192,12 +192,12 @@ FAR = 1.0  # largest distance of unlimited sliders from 0, to either side, in un
 
 
 def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> tuple[Array, Array, Array]:
-    """Coordinates, velocities and efforts, (count, joints) each.
+    """Coordinates and velocities, (count, joints) each, and commands, (count, commands).
 
     Angles are uniform all around, travel uniform, rates normal: 2 rad/s, 0.5 m/s. One slider in four, and
     one joint in four of those with stops, is at rest at an end of its travel, which ``beyond`` widens to both
-    sides, in units of itself. Efforts are uniform within the scene's limits, or within the largest that hold
-    the weights in these states.
+    sides, in units of itself. Commands are uniform within the units of the scene's actions, or efforts
+    within the largest that hold the weights in these states.
     """
     arm: Any = scene.robot
     rng = np.random.default_rng(seed)
@@ -218,4 +218,4 @@ def random_states(scene: Scene, count: int, seed: int, beyond: float = 0.0) -> t
     limits = np.array([values[name] for name in scene.action_units()])
     if not limits.size:
         limits = np.abs(scene.loaded_robot.gravity_forces(joints @ inverse) @ inverse.T).max(axis=0)
-    return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, shape) * limits
+    return joints @ inverse, rates @ inverse, rng.uniform(-1.0, 1.0, (count, len(limits))) * limits

@@ -73,6 +73,18 @@ def test_an_impact_passes_through_a_closed_brake_which_then_holds_again():
     assert (batch.qd @ RPRP.motor_map)[0, 2] == 0.0
 
 
+@WITH
+def test_impacts_that_a_closed_brake_passes_on_come_to_an_end(how):
+    """One slider strikes, the brake slips, its friction pushes the other slider off its stop, and so on."""
+    arm = rde.RPRP((0.5,) * 4, (0.25,) * 2)
+    scene = rde.Scene(arm, (e.Gravity(), stops(arm, 0.0, 0.0, 0.25), e.MotorBrake(0, 0.0)), **how)
+    motion = (0.726, 0.0, -0.707, 0.249), (0.0, 0.0, -3.249, 1.271), (1.3, -31.9, -3.7, -2.3)
+    batch, status = advanced(scene, *motion)
+    assert not status.numerics.any()
+    assert status.events[0] > 2
+    assert batch.qd[0, 0] == 0.0
+
+
 CHAINS = {
     "nothing": (),
     "lag and delay": (e.CommandDelay(0.03, 0.1), e.Lag(0.05)),

@@ -228,6 +228,29 @@ def test_the_limit_at_rest_is_that_of_static_friction(effort, moves):
     assert bool(batch.qd.any()) is moves
 
 
+@dataclass(frozen=True)
+class Dragging(Effect):
+    """A user's friction in all joints that is 0 at rest alone: a quadratic one, by another hook."""
+
+    def hooks(self, arm):
+        return tuple(Friction(k, dragging) for k in range(4))
+
+
+dragging = physics(lambda speed: 0.3 * speed * speed)
+
+
+@EXACTLY
+def test_friction_that_is_0_at_rest_alone_opposes_both_directions(how):
+    q, qd, pull = [0.3, 1.0, -0.5, 0.2], [2.0, -1.0, 0.0, 0.0], np.array([4.0, -3.0, 2.0, -1.0])
+    motions = []
+    for friction in (Dragging(), e.QuadraticFriction(0.3)):
+        batch, _ = advanced(rde.Scene(SINGLE, (e.Gravity(), friction), **how), q, qd, intervals=0)
+        faults = [batch.advance((-1.0) ** k * pull).numerics.any() for k in range(10)]
+        assert not any(faults)
+        motions.append(batch.q)
+    np.testing.assert_allclose(*motions, rtol=0.0, atol=1e-9)
+
+
 @pytest.mark.quick("2.0-rk8")
 @pytest.mark.parametrize("how", [{}, *EXACT.values()], ids=["rk8", *EXACT])
 @pytest.mark.parametrize("rate", [2.0, -2.0])

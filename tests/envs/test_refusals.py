@@ -23,6 +23,9 @@ def changed(**changes):
 
 BARE = {k: v for k, v in SCENE.items() if k not in ("integrator", "substeps", "tolerance")}
 VECTORS = ("next_step", "sb3")
+MODE = changed(
+    effects=[*SCENE["effects"], {"type": "JointVelocity", "gain": 9.0, "limits": 9.0, "speeds": 1.0}]
+)
 ARGUMENTS = [
     ("scene is 'nowhere'; .*rprp_reach", {"scene": "nowhere"}, FACES),
     ("no EffortLimits", {"scene": {"robot": SCENE["robot"]}}, FACES),
@@ -36,6 +39,11 @@ ARGUMENTS = [
     ("ReachTask.goal_tolerance is -1.0; it must be positive", {"task": {"goal_tolerance": -1}}, FACES),
     ("accuracy is 'fine'.*standard.*exact.*metres", {"accuracy": "fine"}, FACES),
     ("accuracy is .*one or the other", {"accuracy": "exact", "scene": {**BARE, "integrator": "rk4"}}, FACES),
+    ("action is 'torque'; choose effort, joint_position, .*None", {"action": "torque"}, FACES),
+    ("action is 'tip_velocity', .* has .* 'joint_velocity'", {"action": "tip_velocity", **MODE}, FACES),
+    ("action is 'effort', .*; leave action out, or the effect", {"action": "effort", **MODE}, FACES),
+    ("decide_every is 0; give a whole number of at least 1", {"decide_every": 0}, FACES),
+    ("decide_every is 1001; give at most 1000", {"decide_every": 1001}, FACES),
     ("num_envs is 0", {"count": 0}, VECTORS),
     ("autoreset_mode is 'sometimes'", {}, ("sometimes",)),
     ("make_sb3 has no argument 'efects'; valid: scene", {"efects": 1}, ("sb3",)),

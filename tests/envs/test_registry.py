@@ -180,7 +180,7 @@ def test_pages_agree_with_the_code(env_id):
         assert f"| `{name}` | {getattr(env.core.task, name)} |" in text
     assert " ".join(row[0] for row in rows(section(text, "Arguments"))) == (
         "scene accuracy render_mode on_bad_action task terminate_on_touch randomize "
-        "observe_parameters info_keys render_width render_height"
+        "observe_parameters info_keys action decide_every render_width render_height"
     )
     terms = [k.removeprefix("return_") for k in env.reset(seed=0)[1] if k.startswith("return_")]
     assert [row[0] for row in rows(section(text, "Rewards"))] == terms

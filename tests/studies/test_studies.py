@@ -24,6 +24,8 @@ from studies import (
     accuracy_report,
     effects,
     environments,
+    ilqr,
+    modes,
     stops,
     throughput,
 )
@@ -70,6 +72,17 @@ def test_environment_columns(monkeypatch):
 
 
 @pytest.mark.long
+def test_modes_are_timed_beside_efforts():
+    found = modes.run(lanes=8, rounds=1)
+    assert [row["action"] for row in found] == 2 * [*modes.MODES]
+    for row in found:
+        assert tuple(row) == modes.COLUMNS
+        assert row["ns_per_step"] > 0
+        assert row["evaluations"] >= 12.0
+        assert (row["action"] == "effort") <= (row["times_effort"] == 1.0)
+
+
+@pytest.mark.long
 def test_the_study_of_stops_times_both_scenes_at_the_shares_asked_for():
     *shares, random = found = stops.run({"random": stops.random_policy(0)}, lanes=200, repeats=2)
     assert [row["touched_share"] for row in shares] == [0.01, 0.2]
@@ -91,6 +104,19 @@ def test_every_effect_of_the_package_has_an_entry_and_is_timed_beside_a_bare_arm
     assert every["rprp_reach"] == (rde.load_scene("rprp_reach"), every["bare RPRP"].scene)
     some = effects.pairs_of(STUDY, ["Gravity", "rprp_stops"])
     assert [*some] == ["bare FourR", "Gravity", "rprp_stops"]
+
+
+@pytest.mark.long
+def test_the_study_of_ilqr_judges_by_the_environment_and_continues_from_stronger_motors(monkeypatch):
+    monkeypatch.setattr(ilqr, "STAGES", 1)
+    monkeypatch.setattr(ilqr, "ROUNDS", 3)
+    strong, weak = ilqr.run(["RPRP"], 6, (0.6, 0.3))
+    assert tuple(strong) == ilqr.COLUMNS
+    assert strong["can_be_held"] == 1.0
+    assert strong["ilqr"] == strong["ilqr_of_those"] >= 0.8 > weak["ilqr"]
+    assert "| RPRP | 0.6 | 100 % | " in ilqr.ilqr_table([strong, weak])
+    with pytest.raises(ValueError, match="arm is '3R'; choose 4R or RPRP"):
+        ilqr.run(["3R"], 6)
 
 
 @pytest.mark.long

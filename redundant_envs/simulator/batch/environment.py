@@ -2,6 +2,7 @@
 
 import enum
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from redundant_envs.compiler.tracing.flow import LANES, Kernel, LaneFunction, Output, Scalar
@@ -53,6 +54,10 @@ ARGUMENTS = {
 """Arguments of the kernel beside memories. The stride is that of the rows of tables."""
 
 
+DECISION = "decide_every"
+"""Argument of kernels with decisions: the control steps that each lasts."""
+
+
 class EnvironmentKernel:
     """Step, reset or observe all environments in one call; ``lanes`` are those of a block. ValueError if the
     scene has too many operations."""
@@ -60,7 +65,8 @@ class EnvironmentKernel:
     @limited()
     def __init__(self, episode: Episode, lanes: int = LANES) -> None:
         self.episode = episode
-        self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS}, lanes)
+        more = {DECISION: "int"} if episode.decides else {}
+        self.p = p = Kernel("environment", {**MEMORY, **ARGUMENTS, **more}, lanes)
         self.blocks = Blocks(p, episode.interval, episode.layout())
         self.observed = self.blocks.function("observe", episode.observe)
         make, numbers = self.blocks.function, episode.randomized
@@ -81,9 +87,12 @@ class EnvironmentKernel:
                 p.store(p["values"], 0, math.nan)
                 p.leave()
         steps = (operation == KernelCall.STEP) | checked
+        inputs = {"actions": ("f32", episode.actions)}
         with p.when(steps):
-            inputs = {"actions": ("f32", episode.actions)}
-            advance(self.blocks, Ends(episode.command, inputs, self.end, self.outputs, self.autoreset))
+            if episode.decides:
+                self.advance_decision(inputs)
+            else:
+                advance(self.blocks, Ends(episode.command, inputs, self.end, self.outputs, self.autoreset))
         with p.when(~steps), p.each(self.blocks.count) as number:
             block = self.blocks.block(number, 0)
             with p.when(operation == KernelCall.RESET):
@@ -93,6 +102,20 @@ class EnvironmentKernel:
                     self.begin_states(block)
             p.call(self.observed, **block.pointers, **self.outputs(block))
         self.blocks.prune()
+
+    def advance_decision(self, inputs: Mapping[str, Any]) -> None:
+        """Advance all lanes by the control steps of a decision; observations and new episodes follow it."""
+        p, blocks, episode = self.p, self.blocks, self.episode
+        decide = blocks.function("decide", episode.decide, inputs=inputs)
+        with p.each(blocks.count) as number:
+            blocks.call(decide, blocks.block(number, 0))
+        with p.each(p[DECISION]):
+            begin, finish = episode.begin_step_of_decision, episode.finish_step_of_decision
+            advance(blocks, Ends(begin, {}, finish, lambda block: {}))
+        with p.each(blocks.count) as number:
+            block = blocks.block(number, 0)
+            p.call(self.observed, **block.pointers, **self.outputs(block))
+            self.autoreset(block)
 
     def end(self, lane: Lane) -> Any:
         self.episode.finish_control_step(lane)

@@ -95,7 +95,7 @@ def varying_arguments(attached: Any, arm: Any, constant: frozenset[str]) -> dict
 
     for a in attached.of(Force):
         examine(a, constant)
-    for command, chain in attached.chains.items():
+    for command, chain in attached.links():
         known = constant
         for link in chain:
             examine(link, known)

@@ -166,23 +166,35 @@ class Dynamics:
             limits.append(function.on(speed if n == hooks.SPEED else x[n] for n in function.names))
         return total(limits or [0.0])
 
+    def slips_freely(self, joint: int, x: Quantities) -> Any:
+        """Whether a joint has no friction now: it has none at all, or its limit is 0, whatever the speed."""
+        some = self.frictions.get(joint, ())
+        if any(hooks.SPEED in a.functions["limit"].names for a in some):
+            return False
+        return not some or self.friction_limit(joint, x, 0.0) == 0.0
+
     # ---- actuation, and states of effects ----------------------------------------------------------
 
     def efforts(self, x: Quantities, change: str, close: Closing | None = None) -> tuple[list[Any], Changes]:
         """Efforts at the ends of all motors' chains, and what functions of a kind give for their states; with
         ``close`` states of links, and then those of forces, are in closed form."""
-        efforts, changes = x.each(self.commands), dict[str, Any]()
-        for k, (command, chain) in enumerate(self.scene.attached.chains.items()):
-            commanded = efforts[k]
-            for link in chain:
-                x[command] = efforts[k]
-                if link.guards and not self.locates_laws:
-                    link.settle_law(x)
-                if close is not None:
-                    close(link, x)
-                changes |= link.changes(change, x)
-                efforts[k] = link.functions["function"](x)
-            x[command] = commanded
+        given, changes = dict(zip(self.commands, x.each(self.commands), strict=True)), dict[str, Any]()
+        reached: dict[str, Any] = {}
+        for chains in self.scene.attached.stages:
+            reached = {command: x[command] if command in given else None for command in chains}
+            for command, chain in chains.items():
+                commanded = reached[command]
+                for link in chain:
+                    x[command] = reached[command]
+                    if link.guards and not self.locates_laws:
+                        link.settle_law(x)
+                    if close is not None:
+                        close(link, x)
+                    changes |= link.changes(change, x)
+                    reached[command] = link.functions["function"](x)
+                x[command] = commanded
+            x.update(reached if chains is not self.scene.attached.stages[-1] else given)
+        efforts = [*reached.values()]
         if close is not None:
             for a in self.scene.attached.of(hooks.Force):
                 if a.has_laws and not self.locates_laws:
@@ -226,7 +238,10 @@ class Dynamics:
         """Quantities of the arm, from states, and numbers and efforts by name; ``held``: with the dynamics of
         sliders that may rest at their stops."""
         functions = self.functions_held if held else self.functions
-        return Quantities(dict(zip(self.states, states, strict=False)), functions, self.arm.sincos, numbers)
+        x = Quantities(dict(zip(self.states, states, strict=False)), functions, self.arm.sincos, numbers)
+        if self.scene.effort_units():  # a mode of actions knows the field
+            self.set_field(x)
+        return x
 
     @property
     def functions(self) -> tuple[Callable[..., Any], ...]:

@@ -10,13 +10,21 @@ from typing import Any
 from redundant_envs.effects.hooks import Sensing
 from redundant_envs.effects.obstacles import closest_names
 from redundant_envs.language import algebra
-from redundant_envs.language.algebra import any_of, logical_not, maximum, minimum, total, where
+from redundant_envs.language.algebra import (
+    any_of,
+    logical_not,
+    maximum,
+    minimum,
+    numbered,
+    total,
+    where,
+)
 from redundant_envs.language.quantities import Quantities, check_names
 from redundant_envs.scenes.numbers import ends_of, entries_of
 from redundant_envs.scenes.ranges import Range
 from redundant_envs.scenes.scene import identifier
 from redundant_envs.simulator.lane.dynamics import INTERVALS, Dynamics
-from redundant_envs.simulator.lane.faults import GIVEN_UP, Fault, angle_fault, is_observable
+from redundant_envs.simulator.lane.faults import GIVEN_UP, Fault, angle_fault, either, is_observable
 from redundant_envs.simulator.lane.fields import PARAMETER, STATE, Layout, Variable, copies, engine, variables
 from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane
@@ -44,15 +52,23 @@ fields of the draws."""
 class Episode:
     """Episodes of the lanes of an environment, around their motion."""
 
-    def __init__(self, dynamics: Dynamics, task: Task, observed_numbers: tuple[str, ...] = ()) -> None:
-        """``observed_numbers`` are fields that an observation shows after the quantities of the task."""
+    def __init__(
+        self, dynamics: Dynamics, task: Task, observed_numbers: tuple[str, ...] = (), decides: bool = False
+    ) -> None:
+        """``observed_numbers`` are fields that an observation shows after the quantities of the task; with
+        ``decides`` an action may last for several control steps."""
+        self.decides = decides
         scene = dynamics.scene
         self.task, self.dynamics, self.arm = task, dynamics, dynamics.arm
         self.functions = (*dynamics.clearances, *task.functions(scene))
         """Functions of distances from obstacles, and those of the task."""
         self.interval = Interval(dynamics, self._asks_for_closest())
         self.features = self.interval.features
-        self.actions = tuple(f"action{k + 1}" for k in range(dynamics.count))
+        self.actions = tuple(f"action{k + 1}" for k in range(len(dynamics.commands)))
+        self.controlled = scene.effort_units()
+        self.efforts = tuple(f"effort_share{k + 1}" for k in range(len(self.controlled))) or self.actions
+        """Fields of the efforts that pictures show, and that functions of the task take as action1, ...: the
+        actions, or what the controller of a mode of actions asks for at the end of a step."""
         starts = (f"u{k + 1}" for k in range(dynamics.count))
         self.draws = (*starts, *(f"draw{k + 1}" for k in range(task.draws)))
         """Uniform draws of an episode: of the start of each joint, then those of the task."""
@@ -109,9 +125,13 @@ class Episode:
         yield from engine(*self.counts[len(self.returns) :], *ENDS)
         yield from variables(task.held_outputs, "held output", STATE, owner=owner)
         yield from variables(self.actions, "action in [-1, 1] of the last step, which pictures show", STATE)
+        if self.controlled:
+            yield from variables(
+                self.efforts, "effort at the end of the last step, as a share of its limit", STATE
+            )
         yield from variables(self.draws, "uniform draw in (0, 1)")
         yield from self.randomized.fields()
-        yield from engine("resetting")
+        yield from engine("resetting", *(("over", "refused") if self.decides else ()))
 
     def layout(self) -> Layout:
         self.interval.layout()  # refuses an arm whose quantities are not its own
@@ -133,27 +153,75 @@ class Episode:
         """The same after an interval."""
         states = (*self.dynamics.states, *self.dynamics.effect_states.updated)
         memory = (*self.task.memory, *self.actions, *self.features.watch.closest)
-        return self.quantities(lane, lane.values((*states, *memory)))
+        known = lane.values((*states, *memory))
+        if self.controlled:
+            known |= zip(
+                numbered("action{}", len(self.efforts)), self.efforts_asked(lane, known), strict=True
+            )
+        return self.quantities(lane, known)
+
+    def efforts_asked(self, lane: Lane, known: Mapping[str, Any]) -> list[Any]:
+        """Efforts that the controller of a mode of actions asks for at the end of an interval, as shares."""
+        commands = lane.values(self.dynamics.commands) | dict.fromkeys(self.dynamics.passed, 0.0)
+        x = self.quantities(lane, {**known, **commands})
+        self.dynamics.set_field(x)
+        efforts = self.dynamics.scene.attached.efforts_behind(self.controlled[0].rpartition(".")[0], x)
+        return [effort / lane[limit] for effort, limit in zip(efforts, self.controlled, strict=True)]
 
     # ---- a control step --------------------------------------------------------------------------------
 
     def command(self, lane: Lane) -> None:
-        """Efforts from actions: saturated and counted; a non-finite action commands none and is recorded."""
+        """Commands from actions: saturated and counted; a non-finite action commands none and is recorded."""
         if not self.features.local:
             lane.copy(self.features.saved, to="{}_start")
+        defect, count = self.take_actions(lane)
+        self.set_commands(lane)
+        lane.numerics = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
+        lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
+
+    def take_actions(self, lane: Lane) -> tuple[Any, Any]:
+        """Actions as they are used; 0 if all are finite, and how many of them were saturated."""
         count: Any = 0.0
         defect: Any = 0.0
-        units = tuple(self.dynamics.scene.action_units())
-        for k, name in enumerate(self.actions):
+        for name in self.actions:
             action = lane[name]
             clipped = minimum(maximum(action, -1.0), 1.0)
             count = count + where(clipped != action, 1.0, 0.0)
             defect = defect + (action - action)
-            used = where(action - action == 0.0, clipped, 0.0)
-            lane[name] = used
-            lane[self.dynamics.commands[k]] = used * lane[units[k]]
-        lane.numerics = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
+            lane[name] = where(action - action == 0.0, clipped, 0.0)
+        return defect, count
+
+    def set_commands(self, lane: Lane) -> None:
+        for command, action, unit in zip(
+            self.dynamics.commands, self.actions, self.dynamics.scene.action_units(), strict=True
+        ):
+            lane[command] = lane[action] * lane[unit]
+
+    def decide(self, lane: Lane) -> None:
+        """Begin a decision, which lasts for several control steps: its action counts once."""
+        defect, count = self.take_actions(lane)
+        lane.refused = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
         lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
+        lane.over, lane.reward, lane.numerics = False, 0.0, 0.0
+
+    def begin_step_of_decision(self, lane: Lane) -> None:
+        if not self.features.local:
+            lane.copy(self.features.saved, to="{}_start")
+        self.set_commands(lane)
+
+    def finish_step_of_decision(self, lane: Lane) -> None:
+        """After a control step of a decision: rewards are summed, and faults collected; a lane whose episode
+        has ended stays as it is."""
+        over, memory = lane.over, (*self.task.memory, *self.task.held_outputs)
+        efforts = self.efforts if self.controlled else ()
+        before = lane.values((*memory, *self.counts, *ENDS, *efforts))
+        lane.numerics = lane.refused
+        self.finish_control_step(lane)
+        self.interval.undo(lane, over)
+        lane.numerics = either(before["numerics"], lane.numerics)
+        lane.reward = before["reward"] + lane.reward
+        lane.set_where(over, before)
+        lane.over = (lane.terminated > 0.0) | (lane.truncated > 0.0)
 
     def finish_control_step(self, lane: Lane) -> None:
         """After an interval: faults, task memory, reward, ends of episodes; a faulty lane is undone."""
@@ -184,6 +252,8 @@ class Episode:
         if taking:
             x["ended"] = code
             x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
+        if self.controlled:
+            lane.set(self.efforts, x.each(numbered("action{}", len(self.efforts))))
         lane.reward = total(x.each(self.terms))
         for t in self.terms:
             lane[f"{t}_sum"] = lane[f"{t}_sum"] + x[t]

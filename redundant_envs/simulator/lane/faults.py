@@ -4,7 +4,7 @@ import enum
 from functools import reduce
 from typing import Any
 
-from redundant_envs.language.algebra import maximum, where
+from redundant_envs.language.algebra import floor, maximum, total, where
 from redundant_envs.robots.arm import Arm
 
 
@@ -18,6 +18,15 @@ class Fault(enum.IntFlag):
     EVENT_BUDGET = 16  # the interval has more events than it may have, and was not crossed
     NO_STEP_FOUND = 32  # dop853 has found no step that is short enough
     LARGE_ANGLE = 64  # an angle is so large that its last digits are lost
+
+
+def either(a: Any, b: Any) -> Any:
+    """The faults of two numbers together."""
+
+    def has(faults: Any, fault: Fault) -> Any:
+        return floor(faults / fault) - 2.0 * floor(faults / (2.0 * fault)) > 0.0
+
+    return total(where(has(a, fault) | has(b, fault), float(fault), 0.0) for fault in Fault)
 
 
 GIVEN_UP = Fault.EVENT_BUDGET

@@ -198,6 +198,10 @@ class EngineFields:
     reward = EngineField("", "of the last step", STATE)
     terminated = EngineField("", "of the last step", STATE)
     truncated = EngineField("", "of the last step", STATE)
+    over = EngineField(
+        "", "the episode has ended before the last control step of the decision", STATE, truth=True
+    )
+    refused = EngineField("", "fault of the action of the decision", STATE)
     resetting = EngineField("", "a new episode begins", truth=True)
 
 

@@ -66,7 +66,7 @@ def kinks_of(attached: Attachments, arm: Arm, constant: Iterable[str], states: I
     candidates: list[tuple[Attached[Any], WatchedKink, list[Key]]] = []
     seen: set[Key] = {None}
     for a in attached.along(x):
-        command = attached.commands[a.hook.joint] if isinstance(a.hook, Actuation) else ""
+        command = f"command{a.hook.joint + 1}" if isinstance(a.hook, Actuation) else ""
         stands_for: set[Key] = set()
         if "kink" in a.functions and any(moves(a.functions["kink"], command)):
             watch = WatchedKink(a.functions["kink"])

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from redundant_envs.effects.hooks import SPEED, Impact
+from redundant_envs.effects.hooks import Impact
 from redundant_envs.language.algebra import all_of, cases, logical_not, maximum, minimum, sqrt, total, where
 from redundant_envs.language.limits import ROUNDING
 from redundant_envs.language.quantities import Quantities
@@ -47,11 +47,8 @@ class StickingJoint(Guard):
         self.joint, self.travel = travel or joint, travel
         self.at = f"at_{self.name}"
         """The quantity that says at which side's stop it is."""
-        frictions = joint.dynamics.frictions.get(joint.index, ())
-        self.rubs = bool(frictions)
+        self.rubs = joint.index in joint.dynamics.frictions
         """Whether it has friction, and not a stop alone."""
-        self.rubs_by_speed = any(SPEED in a.functions["limit"].names for a in frictions)
-        """Whether that may be friction which is 0 at rest alone."""
 
     def in_step(self, lane: Lane) -> BoundedCoordinate:
         return guarded(self.watched(lane), sticks=True)
@@ -80,8 +77,7 @@ class StickingJoint(Guard):
         """Value of its guard; that of a joint that sticks follows from the force that holds it, or is
         ``held`` if ``x`` has no forces."""
         mode = x[self.side]
-        # Without friction nothing changes where a rate passes 0: a stop is met as a position.
-        slips = where(self._slips_freely(x), SLIPS_FREELY, -(mode * x[f"phid{self.joint.number}"]))
+        slips = where(self._turns_freely(x), SLIPS_FREELY, -(mode * x[f"phid{self.joint.number}"]))
         return where(mode == 0.0, self._load(x) if held is None else held[self.name], slips)
 
     def _load(self, x: Quantities) -> Any:
@@ -95,20 +91,23 @@ class StickingJoint(Guard):
             load = where(x[self.at] == 0.0, load, x[self.at] * hold)
         return load - (TORN_LOOSE * dynamics.friction_limit(self.joint.index, x, 0.0) + LOST_IN_LOADS * loads)
 
-    def _slips_freely(self, x: Quantities) -> Any:
-        """Whether it has no friction now: it has none at all, or a limit that is 0 throughout a step."""
-        if self.rubs_by_speed:
-            return False
-        return not self.rubs or self.dynamics.friction_limit(self.joint.index, x, 0.0) == 0.0
+    def _turns_freely(self, x: Quantities) -> Any:
+        """Whether nothing changes where its rate passes 0: it has no friction; a stop is met as a position.
+
+        Not so if it has a stop, and another joint friction: at an impact that one slips for an instant, and
+        its friction pushes others off their stops, which strike then. A turn at the stop ends the series.
+        """
+        joints = {self.joint.index} if self.travel is None else {self.joint.index, *self.dynamics.frictions}
+        return all_of(self.dynamics.slips_freely(k, x) for k in sorted(joints))
 
     # ---- what a lane does with it --------------------------------------------------------------------
 
     def _never_rests(self, lane: Lane) -> Any:
-        """Whether it cannot rest where it is: it has no friction now, and is at no stop."""
+        """Whether it cannot rest where it is: it turns freely, and is at no stop."""
         x = quantities_of_arm(self.dynamics, lane)
         x.update(lane.values(self.dynamics.effect_states.updated))
         free = True if self.travel is None else self.travel.side_touched(lane) == 0.0
-        return free & self._slips_freely(x)
+        return free & self._turns_freely(x)
 
     def _mode(self, lane: Lane, rate: Any) -> Any:
         """With a rate it slips that way; without one it sticks, unless forces object."""

@@ -1,0 +1,59 @@
+"""Cost of the modes of actions: time and evaluations of a control step, beside efforts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from redundant_envs.support.machine import versions
+from redundant_envs.support.progress import counted
+from redundant_envs.support.timing import by_turns, seconds
+from studies.environments import IDS
+from studies.speed import one_core
+
+MODES = "effort", "joint_velocity", "joint_position", "tip_velocity", "tip_and_posture"
+STEPS = 12
+"""Control steps of a turn, each with new actions."""
+WARM = 36
+"""Control steps from rest before the first turn."""
+COLUMNS = (
+    "machine", "date", "python", "llvmlite", "numpy", "commit", "lanes", "env", "action", "ns_per_step",
+    "times_effort", "evaluations",
+)  # fmt: skip
+
+
+def steps(env: Any) -> Callable[..., float]:
+    """A function that makes some steps under random actions, and returns their time, s."""
+    rng, shape = np.random.default_rng(0), env.action_space.shape
+    env.reset(seed=0)
+
+    def sample(count: int = STEPS) -> float:
+        actions = rng.uniform(-1.0, 1.0, (count, *shape)).astype(np.float32)
+        return seconds(lambda: [env.step(action) for action in actions])
+
+    sample(WARM)
+    return sample
+
+
+def run(lanes: int = 1024, rounds: int = 16) -> list[dict[str, Any]]:
+    """Time the reach environments of all arms in all modes; one row of ``COLUMNS`` for each."""
+    rows, about = [], versions()
+    with one_core(), counted("modes", len(IDS)) as done:
+        for name in IDS:
+            envs = {mode: gym.make_vec(name, num_envs=lanes, action=mode) for mode in MODES}
+            times = by_turns({mode: steps(env) for mode, env in envs.items()}, rounds)
+            for mode, env in envs.items():
+                *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
+                spent = info["evaluations"] / np.maximum(info["episode_steps"], 1)
+                best, of_effort = (float(times[m].best) for m in (mode, "effort"))
+                rows.append({
+                    **about, "lanes": lanes, "env": name, "action": mode,
+                    "ns_per_step": round(1e9 * best / (STEPS * lanes)),
+                    "times_effort": round(best / of_effort, 2), "evaluations": round(float(spent.mean()), 1),
+                })  # fmt: skip
+                env.close()
+            done(name)
+    return rows
