@@ -110,14 +110,17 @@ def expert_rows(
     for factor in factors:
         rows.append(Row(arm, factor, HOLDABLE, *_share(loads <= factor), None, 0, episodes))
         for who, pose in POSES.items():
-            act = expert_act(lambda task, scene, pose=pose: ComputedTorque(scene, pose=pose))
-            weak = weakened(scene, factor)
+            act, weak = expert_act(_computed_torque(pose)), weakened(scene, factor)
             outcome = run_episodes(env_id, act, episodes, seed, scene=weak)
             assert outcome.hold is not None
             assert outcome.touch is not None  # reach tasks tell both
             touched = float(outcome.touch.mean())
             rows.append(Row(arm, factor, who, *_share(outcome.hold), touched, 0, episodes))
     return rows
+
+
+def _computed_torque(pose: Callable[..., Any]) -> Callable[[Any, Any], ComputedTorque]:
+    return lambda task, scene: ComputedTorque(scene, pose=pose)
 
 
 def _share(held: NDArray[np.bool_]) -> tuple[float, float, float]:

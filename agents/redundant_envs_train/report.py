@@ -32,6 +32,9 @@ from .statistics import Statistic, differs, wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
 CLIP_EPISODES = 4
+OF_ACTIONS = ("action", "decide_every")
+"""Arguments of an environment without which its episodes are equal, and an action is an effort for a step, as
+experts give them."""
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
 """Columns of episodes.csv."""
 
@@ -53,7 +56,8 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     expert = None
     if core.goal_fields:
-        expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
+        kwargs = {name: value for name, value in config.env_kwargs.items() if name not in OF_ACTIONS}
+        expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **kwargs)
     missed = np.ones(n, np.bool_) if policy.hold is None else ~policy.hold
     failures = failures_of(core.task, policy, missed)
     for failed in failures.values():
