@@ -4,7 +4,7 @@ folders."""
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.control import holding_load, lightest_pose, pose_at
+from redundant_envs.control import ComputedTorque, holding_load, lightest_pose, pose_at
 from redundant_envs.control.holding import effort_limits, slider_travel
 from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
@@ -38,7 +38,8 @@ ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
 """For each arm the environment and the scene whose limits have the factor 1."""
 HOLDABLE, EXPERT = "can be held at all", "computed torque"
 LIGHTEST = "computed torque to the lightest pose"
-POSES = {EXPERT: pose_at, LIGHTEST: lightest_pose}  # poses in which the plans of computed torque end
+POSES: dict[str, Callable[..., Any]] = {EXPERT: pose_at, LIGHTEST: lightest_pose}
+"""Poses in which the plans of computed torque end."""
 FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of the reach scenes
 LEARNERS = ("PPO", "SAC")
 COLORS = {EXPERT: EXPERT_COLOR, LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
@@ -109,12 +110,17 @@ def expert_rows(
     for factor in factors:
         rows.append(Row(arm, factor, HOLDABLE, *_share(loads <= factor), None, 0, episodes))
         for who, pose in POSES.items():
-            outcome = run_episodes(env_id, expert_act(pose), episodes, seed, scene=weakened(scene, factor))
+            act, weak = expert_act(_computed_torque(pose)), weakened(scene, factor)
+            outcome = run_episodes(env_id, act, episodes, seed, scene=weak)
             assert outcome.hold is not None
             assert outcome.touch is not None  # reach tasks tell both
             touched = float(outcome.touch.mean())
             rows.append(Row(arm, factor, who, *_share(outcome.hold), touched, 0, episodes))
     return rows
+
+
+def _computed_torque(pose: Callable[..., Any]) -> Callable[[Any, Any], ComputedTorque]:
+    return lambda task, scene: ComputedTorque(scene, pose=pose)
 
 
 def _share(held: NDArray[np.bool_]) -> tuple[float, float, float]:

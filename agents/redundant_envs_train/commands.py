@@ -55,7 +55,7 @@ Harmless = Annotated[Words, Argument(help=f"{' or '.join(WITHOUT_EFFECT)}, such 
 Table = Annotated[Place, Option(help="write a table of runs, .jsonl: all numbers and settings of each run")]
 Picture = Annotated[Path, Option(help="picture, .png or .svg; its numbers are saved beside it")]
 Source = Annotated[
-    str, Argument(help="expert, random, or folder of a run or an exported policy", metavar="SOURCE")
+    str, Argument(help="expert, near, random, or folder of a run or an exported policy", metavar="SOURCE")
 ]
 Env = Annotated[Text, Option(help="id such as RPRPReach-v0, for expert and random; a policy has its own")]
 
@@ -273,7 +273,7 @@ def curves(runs: Runs, out: Picture = Path("runs/curves.png"), force: Force = Fa
 @app.command()
 def play(
     target: Annotated[str, Argument(help="folder of a run or exported policy, or id such as RPRPReach-v0")],
-    actions: Annotated[Text, Option(help="for an id: zero, random or expert (default expert)")] = None,
+    actions: Annotated[Text, Option(help="for an id: zero, random, expert or near (default expert)")] = None,
     clip: Annotated[Place, Option(help="write a .gif or .mp4 instead of opening a window")] = None,
     episodes: int = 3,
     seed: int = 0,

@@ -1,4 +1,4 @@
-"""Watch an environment: a trained policy, or zero, random or expert actions."""
+"""Watch an environment: a trained policy, or zero, random, expert or near actions."""
 
 import os
 import sys
@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.control.experts import baseline_of
 from redundant_envs.envs.registration import full_id, ids
 from redundant_envs.scenes.files import exists
 from redundant_envs.support.extras import needs
@@ -22,7 +23,7 @@ from .run_folder import own_config, tell_differences
 
 ACTIONS: dict[str, Callable[[int], Act]] = {
     "zero": lambda seed: lambda obs, core, step: np.zeros((core.num_envs, len(core.actions)), np.float32),
-    "random": random_act, "expert": lambda seed: expert_act(),
+    "random": random_act, "expert": lambda seed: expert_act(), "near": lambda seed: expert_act(baseline_of),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
 CLIP_EVERY = 2  # control steps from frame to frame

@@ -27,11 +27,14 @@ from .evidence.runs import group, read_run
 from .pages import page, results_table
 from .play import clip
 from .policies import load_policy
-from .rollout import EVALUATION_SEED, EpisodeEnds, expert_act, policy_act, run_episodes
+from .rollout import EVALUATION_SEED, EpisodeEnds, expert_act, expert_name, policy_act, run_episodes
 from .statistics import Statistic, differs, wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
 CLIP_EPISODES = 4
+OF_ACTIONS = ("action", "decide_every")
+"""Arguments of an environment without which its episodes are equal, and an action is an effort for a step, as
+experts give them."""
 EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
 """Columns of episodes.csv."""
 
@@ -53,7 +56,8 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     expert = None
     if core.goal_fields:
-        expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **config.env_kwargs)
+        kwargs = {name: value for name, value in config.env_kwargs.items() if name not in OF_ACTIONS}
+        expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **kwargs)
     missed = np.ones(n, np.bool_) if policy.hold is None else ~policy.hold
     failures = failures_of(core.task, policy, missed)
     for failed in failures.values():
@@ -203,7 +207,8 @@ def misses(result: Mapping[str, Any], missed: int) -> str:
     }  # fmt: skip
     causes = [text if count == missed else f"in {count} {text}" for text, count in reasons.items() if count]
     both = result["missed_by_both"]
-    more = f" Computed torque missed {both} of them, too." if both else ""
+    expert = expert_name(result["env"])
+    more = f" {expert[0].upper()}{expert[1:]} missed {both} of them, too." if both else ""
     return f"{head}: {', '.join(causes)}.{more}"
 
 

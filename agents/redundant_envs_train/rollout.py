@@ -9,9 +9,14 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from redundant_envs.control import ComputedTorque, pose_at
+from redundant_envs.control.experts import Expert, expert_of
 from redundant_envs.envs.core import Core
+from redundant_envs.envs.face import numbers_of
+from redundant_envs.envs.registration import IDS
+from redundant_envs.scenes.scene import Scene
 from redundant_envs.scenes.tableaus import METHODS
+from redundant_envs.tasks import REGISTRY as TASKS
+from redundant_envs.tasks import Task
 
 EVALUATION_SEED = 1_000_000  # first seed of the goals of the evaluation; seeds of the training are smaller
 SELECTION_SEED = 2_000_000  # first seed of the goals of the learning curve
@@ -143,26 +148,34 @@ def policy_act(model: Any) -> Act:
     return act
 
 
-def expert_act(pose: Callable[..., Any] = pose_at) -> Act:
-    """The computed-torque expert with this ``pose``, planned from the start of each episode."""
-    controller: ComputedTorque | None = None
+def expert_act(make: Callable[[Task, Scene], Expert] = expert_of) -> Act:
+    """The expert of the task, or another one that ``make`` returns, planned when each episode begins."""
+    expert: Expert | None = None
 
     def act(obs: Any, core: Core, step: int) -> NDArray[np.float32]:
-        nonlocal controller
+        nonlocal expert
         arm = core.scene.robot
         q, qd = core.memory.read(arm.coordinates), core.memory.read(arm.rates)
         steps = core.memory.read(("steps",))[:, 0]
-        if controller is None:
+        if expert is None:
             if not core.goal_fields:
                 raise ValueError(f"the task {core.task.name} has no goal, which the expert needs; {OTHERS}")
-            controller = ComputedTorque(core.scene, pose=pose)
-            controller.begin(q, core.goals())
+            expert = make(core.task, core.scene)
+            expert.begin(q, core.goals(), None, numbers_of(core))
         elif (steps == 0).any():
             begun = np.flatnonzero(steps == 0)
-            controller.begin(q[begun], core.goals()[begun], begun)
-        return controller.action(steps * core.scene.control_dt, q, qd)
+            numbers = {name: values[begun] for name, values in numbers_of(core).items()}
+            expert.begin(q[begun], core.goals()[begun], begun, numbers)
+        return expert.action(steps * core.scene.control_dt, q, qd)
 
     return act
+
+
+def expert_name(env_id: str, entry: str = "expert") -> str:
+    """The expert of an environment's task, or its "baseline", in words."""
+    task = TASKS[IDS[env_id].task] if env_id in IDS else Task
+    is_default = getattr(task, entry) == getattr(Task, entry)
+    return "computed torque" if is_default else f"the {entry} of {task.name}"
 
 
 def random_act(seed: int = 0) -> Act:

@@ -117,6 +117,14 @@ def parameters_of(core: Core) -> Parameters:
     return Parameters(by_name)
 
 
+def numbers_of(core: Core) -> dict[str, NDArray[np.float64]]:
+    """What a controller may know of episodes: the numbers in force, and the task's memory, by their names;
+    (num_envs,), or (num_envs, entries) of several with one name."""
+    memory = core.memory.read(core.task.memory).T if core.task.memory else ()
+    numbers = {name: np.asarray(p.value) for name, p in parameters_of(core).items()}
+    return {**numbers, **dict(zip(core.task.memory, memory, strict=True))}
+
+
 def values_of(core: Core, names: Sequence[str], single: bool) -> NDArray[np.float64]:
     """Scalar parameters of all lanes, (lanes, names), or (lanes,) of a single one."""
     value = core.memory.read([*map(core.memory.dynamics.parameters.field_of, names)])

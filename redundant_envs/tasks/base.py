@@ -79,6 +79,10 @@ class Task:
         They give ``goal_reward`` from tip and goal alone; tasks with ``goal_conditioned`` need them.
     goal_conditioned : bool, default False
         Whether observations are dictionaries with goals, as hindsight replay needs them.
+    expert : str, default that of computed torque
+        "module:Class" of the controller that plays its episodes best: see ``redundant_envs.control.experts``.
+    baseline : str, default computed torque, too
+        The same of the classical controller from the pose nearest to the start, which an expert has to beat.
     speed_bound_ends : bool, default True
         Whether passing the speed bound ends an episode, or is only reported.
     units : mapping of str to str, default those of the two numbers above
@@ -112,6 +116,8 @@ class Task:
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
     goal_functions: ClassVar[tuple[Function, ...]] = ()
     goal_conditioned: ClassVar[bool] = False
+    expert: ClassVar[str] = "redundant_envs.control.computed_torque:ComputedTorque"
+    baseline: ClassVar[str] = "redundant_envs.control.computed_torque:ComputedTorque"
     speed_bound_ends: ClassVar[bool] = True
     units: ClassVar[Mapping[str, str]] = {"start_angle": "rad", "speed_bound": "rad/s or m/s"}
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}

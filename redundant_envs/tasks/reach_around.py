@@ -43,6 +43,7 @@ class ReachAroundTask(AmongObstacles):
 
     name = "ReachAround"
     summary = "brings its tip to a goal among obstacles without touching them and holds it there"
+    expert = "redundant_envs.control.experts.reach_around:ReachAround"
     steps = 150
     draws = 2 * CANDIDATES
     angles = {f"angle{k}": (f"angle{k}_s", f"angle{k}_c") for k in range(CANDIDATES)}

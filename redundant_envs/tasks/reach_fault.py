@@ -53,6 +53,7 @@ class ReachFaultTask(ReachTask):
 
     name = "ReachFault"
     summary = "brings its tip to a goal and holds it there although a motor fails"
+    expert = "redundant_envs.control.experts.reach_fault:ReachFault"
     steps = 200
     metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "failed")
     flags: ClassVar[tuple[str, ...]] = (*ReachTask.flags, "failed")

@@ -124,6 +124,7 @@ class ReachLightTask(ReachTask):
 
     name = "ReachLight"
     summary = "brings its tip to a goal and holds it there with little effort"
+    expert = "redundant_envs.control.experts.reach_light:ReachLight"
     metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "heavy", "load", "cost", "rest")
     flags: ClassVar[tuple[str, ...]] = (*ReachTask.flags, "heavy")
     failures: ClassVar[Mapping[str, str]] = {"heavy": "a motor had to work too hard at the end"}

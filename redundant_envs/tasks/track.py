@@ -115,6 +115,8 @@ class TrackTask(ReachTask):
 
     name = "Track"
     summary = "follows a point along a drawn curve with its tip"
+    expert = "redundant_envs.control.experts.track:Track"
+    baseline = "redundant_envs.control.experts.track:NearestPose"
     steps = 200
     draws = 8
     memory: ClassVar[tuple[str, ...]] = (*ReachTask.memory, "worst", *CURVE)

@@ -72,6 +72,7 @@ class TrackAroundTask(AmongObstacles, TrackTask):
 
     name = "TrackAround"
     summary = "follows a point along a drawn curve with its tip among obstacles without touching them"
+    expert = "redundant_envs.control.experts.track_around:TrackAround"
     steps = 240
     draws = 6 + 2 * CANDIDATES
     memory = (*TrackTask.memory, "struck")

@@ -235,3 +235,15 @@ def test_a_policy_that_does_not_fit_is_one_line(policy, settings, tmp_path, refu
         words = ["train", "rprp_reach_ppo", *small, *settings, f"start_from={start}"]
         refused([*words, "--out", tmp_path / "run"], "start_from does not fit: ", "give a policy of the same")
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.long
+def test_the_expert_of_an_evaluation_gives_efforts_in_any_mode_of_actions(tmp_path):
+    folder = Path(shutil.copytree(POLICIES / "RPRPReach-v0-ppo", tmp_path / "policy"))
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    modes = {"action": "joint_velocity", "decide_every": 2}
+    config |= {"env_kwargs": config["env_kwargs"] | modes, "evaluation_episodes": 20}
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    result = evaluate(folder).result
+    assert result["hold_success"] < 0.5  # it learned efforts
+    assert result["expert_hold_success"] == 1.0

@@ -7,8 +7,9 @@ import pytest
 
 import redundant_envs as rde
 from redundant_envs.control import holding_load, holding_poses, motor_efforts, static_efforts
-from redundant_envs.control.computed_torque import ComputedTorque, lightest_pose, pose_at
+from redundant_envs.control.computed_torque import ComputedTorque
 from redundant_envs.control.holding import effort_limits, goal_poses, num_sheets, slider_travel
+from redundant_envs.control.poses import lightest_pose, pose_at
 from redundant_envs_train.rollout import expert_act, run_episodes
 
 e = rde.effects

@@ -7,6 +7,8 @@ from typing import Any
 from redundant_envs.support.extras import needs
 from redundant_envs.support.tables import Markdown, code, escaped, markdown
 
+from ..rollout import expert_name
+
 with needs("train"):
     import jinja2
 
@@ -20,10 +22,11 @@ MEASURES = (
 
 
 def results_table(result: Mapping[str, Any], goals: str, policy: str, count: int = len(MEASURES)) -> Markdown:
-    """The first ``count`` results of a policy as a Markdown table beside those of computed torque, and which
-    are better beyond chance if the evaluation has compared them."""
+    """The first ``count`` results of a policy as a Markdown table beside those of the task's expert, and
+    which are better beyond chance if the evaluation has compared them."""
     rows, better = [], result["better"]
-    words = {True: policy, False: "computed torque"}
+    expert = expert_name(result["env"])
+    words = {True: policy, False: expert}
     for label, key, scale, digits, unit in MEASURES[:count]:
         values = [result.get(f"{who}{key}") for who in ("", "expert_")]
         if result["hold_success"] is None and not any(value is not None for value in values):
@@ -32,7 +35,7 @@ def results_table(result: Mapping[str, Any], goals: str, policy: str, count: int
         rows.append((label, *cells, *([words.get(better.get(key), "-")] if better else [])))
     for name, value in result["metrics"].items():
         rows.append((name, f"{value:.4g}", "-", *(["-"] if better else [])))
-    return markdown((goals, policy, "computed torque", *(["better"] if better else [])), rows)
+    return markdown((goals, policy, expert, *(["better"] if better else [])), rows)
 
 
 def page(name: str, folder: Path = Path(__file__).parent, /, **facts: Any) -> str:

@@ -21,10 +21,14 @@ from redundant_envs.support.progress import counted
 from redundant_envs.support.values import shown
 
 from ..play import ACTIONS, act_of
-from ..rollout import Act, recorded
+from ..rollout import Act, expert_name, recorded
 from ..run_folder import check_out, new_folder, own_config
 
-ACTORS = {"expert": "computed torque", "random": "random actions"}
+ACTORS: dict[str, Callable[[str], str]] = {
+    "expert": expert_name, "near": lambda env_id: expert_name(env_id, "baseline"),
+    "random": lambda env_id: "random actions",
+}  # fmt: skip
+"""Sources without a policy, and who acts then in an environment, in words."""
 ABOUT = (
     "Episodes of {} by {}, with the seeds {} to {}. Reset with the seed of an episode, the environment gives "
     "its observations for its actions, to the last bit. infos begin at the reset, as observations do: effort "
@@ -35,10 +39,11 @@ EPISODE_BYTES = 50_000  # more than an episode needs; a full disk ends HDF5 with
 
 
 def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path, trust: bool = False) -> int:
-    """Write episodes of "expert", "random", or a folder's policy as a Minari dataset; episode k has the seed
+    """Write episodes of one of ACTORS, or of a folder's policy, as a Minari dataset; episode k has the seed
     ``seed + k``. Returns their control steps."""
     if who not in ACTORS and not exists(Path(who)):
-        raise ValueError(f"source is {shown(who)}; give expert, random, or the folder of a run or policy")
+        others = ", ".join(ACTORS)
+        raise ValueError(f"source is {shown(who)}; give {others}, or the folder of a run or policy")
     config = None if who in ACTORS else own_config(Path(who))
     env_id = full_id(env or (config.env if config else ""))
     if env_id not in ids() or (config and env_id != config.env):
@@ -59,7 +64,8 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
     act = act_of(Path(who), config, trust) if config else None
     make = (lambda seed: act) if act else ACTIONS[who]
     spec = spec_of(env_id, config.env_kwargs if config else {})
-    actor, name = config.label if config else ACTORS[who], re.sub(r"[^-\w]", "_", out.absolute().name)
+    actor = config.label if config else ACTORS[who](env_id)
+    name = re.sub(r"[^-\w]", "_", out.absolute().name)
     with new_folder(out) as part:
         single = gym.make(spec)
         storage = MinariStorage.new(part / "data", single.observation_space, single.action_space, spec)
