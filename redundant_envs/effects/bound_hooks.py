@@ -345,7 +345,7 @@ class Attachments(tuple[Attached[Hook], ...]):
             for command, chain in chains.items():
                 if not whole and not any(link in only for link in chain):  # type: ignore[operator]
                     continue
-                original = x[command] if command in self.commands else None
+                original = x[command] if command in self.commands else x.get(command)
                 for link in chain:
                     yield link
                     x[command] = link.functions["function"](x)

@@ -99,8 +99,18 @@ class Sample:
 
     @cached_property
     def states(self) -> tuple[Array, Array, Array]:
-        """Coordinates, velocities and joint efforts, (count, joints) each."""
+        """Coordinates and velocities, (count, joints) each, and commands, (count, commands)."""
         return self.chosen or random_states(self.scene, self.count, self.seed)
+
+    @cached_property
+    def joint_efforts(self) -> Array:
+        """Efforts at the joints, (count, joints): the commands, or random ones where links share these."""
+        q, _, commands = self.states
+        if self.scene.attached.sharing is None:
+            return commands
+        values, rng = self.scene.parameters(), np.random.default_rng(self.seed + 5)
+        limits = [values[name] for name in self.scene.effort_units()] or [1.0]
+        return rng.uniform(-1.0, 1.0, q.shape) * limits
 
     @cached_property
     def poses(self) -> tuple[Array, Array]:
@@ -131,10 +141,10 @@ class Sample:
     def calm(self) -> Array:
         """The longest time of each state, (count,) s, in which no joint turns by more than a radian or slides
         by more than the reach, at its rate or from rest: rounding hardly grows within it."""
-        q, qd, efforts = self.states
+        q, qd, _ = self.states
         B = self.scene.robot.motor_map
         unit = np.where(self.arm.prismatic, np.linalg.norm(self.arm.points(q), axis=2).max(), 1.0)
-        qdd = self.arm.forward_dynamics(q, qd, efforts @ B.T)
+        qdd = self.arm.forward_dynamics(q, qd, self.joint_efforts @ B.T)
         rate, faster = (np.abs(x @ B / unit).max(axis=1) for x in (qd, qdd))
         return np.minimum(1.0 / rate, 1.0 / np.sqrt(faster))
 

@@ -35,7 +35,7 @@ class Motion:
 
     def __init__(self, dynamics: Dynamics, joints: Array, rates: Array, efforts: Array | float = 0.0) -> None:
         self.dynamics, self.joints, self.rates = dynamics, joints, rates
-        self.efforts = np.broadcast_to(efforts, joints.shape)
+        self.efforts = np.broadcast_to(efforts, (len(joints), len(dynamics.commands)))
 
     def values(
         self, more: Mapping[str, Any] | None = None, moved: int | None = None, faster: int | None = None
@@ -45,6 +45,7 @@ class Motion:
         back = np.linalg.inv(arm.motor_map)
         known: dict[str, Any] = fields_of(d) | d.effect_states.initial | dict.fromkeys(d.passed, 0.0)
         known[TIME] = known["interval"]
+        known |= dict.fromkeys(numbered("command{}", d.count), 0.0)  # of links behind shared commands
         known |= {name: self.efforts[:, k] for k, name in enumerate(d.commands)}
         known |= {name: 0.0 if draw.normal else 0.5 for name, draw in d.draws.items()}  # their medians
         for names, numbers, joint in ((arm.coordinates, self.joints, moved), (arm.rates, self.rates, faster)):

@@ -34,7 +34,7 @@ def effects_with(trial: Sample, fits: Callable[[Hook], bool]) -> tuple[Effect, .
 def momentum(trial: Sample) -> Finding:
     """Without a field, and with motors at all joints but the first, the momentum along that is kept: it turns
     the whole arm about the base, or slides it, which changes no inertia."""
-    (q, qd, efforts), robot = trial.states, trial.scene.robot
+    (q, qd, _), efforts, robot = trial.states, trial.joint_efforts, trial.scene.robot
     turned = slopes(robot, numbered("phi{}", len(robot.joints)), q[:1])[0]
     base = np.linalg.inv(turned)[:, 0]  # coordinates per unit of the first joint
     e, elsewhere = trial.shared(from_points), equations_at(trial, q + MOVE * base)
@@ -62,7 +62,7 @@ def time_reversal(trial: Sample) -> Finding:
         of_force = isinstance(h, Force) and h.conservative is h.function and not h.states
         return of_force or isinstance(h, PointMass | Inertia) or (isinstance(h, Field) and not h.states)
 
-    (q, qd, efforts), seconds = trial.states, trial.calm_scene.control_dt
+    (q, qd, _), efforts, seconds = trial.states, trial.joint_efforts, trial.calm_scene.control_dt
     effects = effects_with(trial, conserves)
     scene = Scene(trial.scene.robot, effects, "dop853", seconds, actuation=trial.scene.actuation)
     batch = BatchSimulator(scene, len(q))
@@ -93,7 +93,7 @@ def scaled(trial: Sample, field: str, time: float, factors: tuple[Any, Any, Any]
     other = dataclasses.replace(arm, **{field: tuple(4.0 * x for x in getattr(arm, field))})
     substep = trial.scene.control_dt / trial.scene.substeps
     step = float(2.0 ** np.floor(np.log2(np.clip(substep, 2.0 * SHORTEST_INTERVAL, 0.5 * LONGEST_INTERVAL))))
-    (q, qd, efforts), ends = trial.states, []
+    (q, qd, _), efforts, ends = trial.states, trial.joint_efforts, []
     for moving, times, (by_q, by_qd, by_effort) in ((arm, 1.0, (1.0, 1.0, 1.0)), (other, time, factors)):
         batch = BatchSimulator(Scene(moving, (Gravity(8.0),), "rk8", times * step), len(q))
         batch.set_state(q * by_q, qd * by_qd)

@@ -119,6 +119,22 @@ def test_an_action_counts_once_and_a_bad_one_ends_its_lane_at_once():
     assert info["final_info"]["episode_steps"][0] == LIMIT
 
 
+def test_the_fault_of_any_control_step_is_seen_and_a_goal_is_rewarded_at_the_end():
+    name = "redundant_envs/FourRGoalReach-v0"  # a velocity beyond the bound ends no episode of it
+    own = {"scene": stepped("FourR"), "count": 40, "task": {"speed_bound": 6.0}}
+    one, many = (made("disabled", name, decide_every=k, **own) for k in (1, 3))
+    assert [begin(env, seed=0).keys() for env in (one, many)]
+    earlier = np.zeros(40, bool)
+    for actions in table(40, 4, 12):
+        steps = [one.step(actions) for _ in range(3)]
+        faults = [info["numerics"] for *_, info in steps]
+        _, reward, *_, info = many.step(actions)
+        assert np.array_equal(info["numerics"], faults[0] | faults[1] | faults[2])
+        assert np.array_equal(reward, steps[-1][1])
+        earlier |= (info["numerics"] == 4) & (faults[2] == 0)
+    assert earlier.any()
+
+
 def test_a_single_environment_ends_after_the_control_steps_of_its_id():
     env = gym.make(FOUR_R, scene=stepped("FourR"), decide_every=40)
     env.reset(seed=0)

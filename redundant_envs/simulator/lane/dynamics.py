@@ -196,7 +196,7 @@ class Dynamics:
         given, changes = dict(zip(self.commands, x.each(self.commands), strict=True)), dict[str, Any]()
         reached: dict[str, Any] = {}
         for chains in self.scene.attached.stages:
-            reached = {command: x[command] if command in given else None for command in chains}
+            reached = {command: x[command] if command in given else x.get(command) for command in chains}
             for command, chain in chains.items():
                 commanded = reached[command]
                 for link in chain:
