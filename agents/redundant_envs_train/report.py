@@ -88,7 +88,7 @@ Mask = NDArray[np.bool_]
 
 
 def failures_of(task: Task, policy: EpisodeEnds, missed: Mask) -> dict[str, Mask]:
-    """The missed episodes that failed for a reason that the task tells, by its words; the first one counts."""
+    """The missed episodes that failed for a reason that the task tells, by its words: the first counts."""
     failures: dict[str, Mask] = {}
     for label, words in task.failures.items():
         failures[words] = missed & (policy.metrics[label] > 0.0)

@@ -110,37 +110,37 @@ def test_no_function_that_runs_while_a_scene_is_traced_is_replaced_unnoticed(mon
 # ---- what a process replaces ---------------------------------------------------------------------------
 
 SCENE = rde.Scene(FOUR_R, (e.EffortLimits((1.0,) * 4),), integrator="rk4")
-NEAR, TERMS = reach.near_term, ReachTask.reward_functions
+SETTLE, TERMS = reach.settle_term, ReachTask.reward_functions
 SCALE = 1.0
 
 
-def as_near(function):
-    return physics(function, gives="near_term", takes=("distance", "reach"))
+def as_settling(function):
+    return physics(function, gives="settle_term", takes=("distance", "reach"))
 
 
 def reads_a_global(scale):
     globals()["SCALE"] = scale
-    return as_near(lambda distance, reach: SCALE * tolerance(distance, reach))
+    return as_settling(lambda distance, reach: SCALE * tolerance(distance, reach))
 
 
 def has_a_cell(scale):
-    return as_near(lambda distance, reach: scale * tolerance(distance, reach))
+    return as_settling(lambda distance, reach: scale * tolerance(distance, reach))
 
 
 def made_by_the_module(scale):
     own = {}
-    exec(f"def near_term(distance, reach): return {scale} * tolerance(distance, reach)", vars(reach), own)
-    return as_near(own["near_term"])
+    exec(f"def settle_term(distance, reach): return {scale} * tolerance(distance, reach)", vars(reach), own)
+    return as_settling(own["settle_term"])
 
 
 def of_a_class(scale):
     """A term of the reward in its place among the others."""
-    return lambda self, scene: tuple(has_a_cell(scale) if f is NEAR else f for f in TERMS(self, scene))
+    return lambda self, scene: tuple(has_a_cell(scale) if f is SETTLE else f for f in TERMS(self, scene))
 
 
 MEMBERS = {
-    **{m.__name__: (reach, "near_term", m) for m in (reads_a_global, has_a_cell, made_by_the_module)},
-    "code": (NEAR, "__code__", lambda scale: made_by_the_module(scale).__code__),
+    **{m.__name__: (reach, "settle_term", m) for m in (reads_a_global, has_a_cell, made_by_the_module)},
+    "code": (SETTLE, "__code__", lambda scale: made_by_the_module(scale).__code__),
     "method": (ReachTask, "reward_functions", of_a_class),
     "constant": (faults, "LARGEST_ANGLE", lambda scale: scale),
     "entry of a table": (METHODS, "rk4", lambda scale: dataclasses.replace(METHODS["rk4"], b=(scale,) * 4)),
@@ -209,7 +209,7 @@ def test_a_file_that_has_the_name_of_a_module_of_python_is_followed(monkeypatch,
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "pyclbr", raising=False)
     (tmp_path / "pyclbr.py").write_text("def near(distance, reach): return 2.0 * distance / reach")
-    monkeypatch.setattr(reach, "near_term", as_near(importlib.import_module("pyclbr").near))
+    monkeypatch.setattr(reach, "settle_term", as_settling(importlib.import_module("pyclbr").near))
     assert not code()
     monkeypatch.delitem(sys.modules, "pyclbr")
     assert not code()
