@@ -32,7 +32,7 @@ class Rod(NamedTuple):
 
     near: int
     far: int
-    rate: Array  # of its angle: a sum of rates of the coordinates
+    rate: tuple[float, ...]  # of its angle: a sum of rates of the coordinates
 
 
 def mobility_bounds(arm: Any) -> Function | None:
@@ -86,7 +86,7 @@ def _lines(where: Array, slopes: Array) -> Iterator[Rod]:
         stretch = (x[:, None] * dx + y[:, None] * dy) / square
         turn = (x[:, None] * dy - y[:, None] * dx) / square
         if _is_zero(stretch) and _is_zero(turn - turn[0]):
-            yield Rod(a, b, np.where(np.abs(turn[0]) < EQUAL, 0.0, turn[0]))
+            yield Rod(a, b, tuple(np.where(np.abs(turn[0]) < EQUAL, 0.0, turn[0]).tolist()))
 
 
 def _is_zero(x: Array) -> bool:
@@ -102,7 +102,7 @@ def _between(lines: Sequence[Rod], row: Array) -> Iterator[Bound]:
     another."""
     alone = [(k,) for k, line in enumerate(lines) if _is_zero(np.abs(line.rate) - np.abs(row))]
     pairs = itertools.permutations(range(len(lines)), 2)
-    both = [(i, k) for i, k in pairs if _is_zero(lines[k].rate - lines[i].rate - row)]
+    both = [(i, k) for i, k in pairs if _is_zero(np.subtract(lines[k].rate, lines[i].rate) - row)]
     for chosen in (*alone, *both):
         ends = [(k, point) for k in chosen for point in (lines[k].near, lines[k].far) if point]
 
@@ -147,7 +147,7 @@ def _distances(points: Points, known: dict[str, Any], lines: Sequence[Rod]) -> l
     columns = [points.column({**known, **pose}, j) for j in range(points.joints)]
     distances = []
     for near, far, rate in lines:
-        if not rate.any():  # it never turns, and no joint's rate follows from it
+        if not any(rate):  # it never turns, and no joint's rate follows from it
             distances.append(0.0)
             continue
         j = int(np.flatnonzero(rate)[-1])
