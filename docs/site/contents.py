@@ -11,8 +11,8 @@ SECTIONS = {
         "notebooks/learn_and_race", "tutorials/third_arm", "tutorials/moving_target", "tutorials/obstacle",
     ],
     "How to": [
-        "scenes", "example_scenes", "extending", "other_libraries", "learners", "policies", "handed_to_me",
-        "datasets", "gradients", "models", "control", "browser", "other_programs", "trouble",
+        "scenes", "example_scenes", "action_modes", "extending", "other_libraries", "learners", "policies",
+        "handed_to_me", "datasets", "gradients", "models", "control", "browser", "other_programs", "trouble",
     ],
     "Reference": [
         "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
