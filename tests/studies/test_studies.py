@@ -75,7 +75,9 @@ def test_environment_columns(monkeypatch):
 @pytest.mark.long
 def test_modes_are_timed_beside_efforts():
     found = modes.run(lanes=8, rounds=1)
-    assert [row["action"] for row in found] == 2 * [*modes.MODES]
+    rows = {name: [row["action"] for row in found if row["env"] == name] for name in environments.IDS}
+    without = "redundant_envs/TwoRReach-v0"  # it has no posture beside its tip
+    assert rows == {name: [*modes.MODES[: -1 if name == without else None]] for name in environments.IDS}
     for row in found:
         assert tuple(row) == modes.COLUMNS
         assert row["ns_per_step"] > 0
