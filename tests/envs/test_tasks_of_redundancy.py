@@ -111,6 +111,10 @@ def test_a_touch_ends_the_episode_if_it_shall():
     assert infos[-1][1]["struck"]
     assert infos[-1][1]["numerics"] == 0
     assert len(infos) < 60
+    for env_id, own in ((AROUND, False), ("redundant_envs/FourRGoalReachAround-v0", True)):
+        for asked, ends in ((None, own), (False, False), (True, True)):
+            env = gym.make(env_id, terminate_on_touch=asked)
+            assert env.unwrapped.core.task.terminate_on_touch == ends
     with pytest.raises(ValueError, match=r"terminate_on_touch is True, and Reach has no obstacles"):
         gym.make("redundant_envs/FourRReach-v0", terminate_on_touch=True)
     with pytest.raises(ValueError, match=r"terminate_on_touch is 1; give True or False"):
