@@ -111,7 +111,7 @@ def _check_placements(task: Task, scene: Scene, begun: Iterable[str]) -> None:
         if quantity not in begun:
             choices = ", ".join(sorted(begun)) or "nothing"
             raise ValueError(f"{kind}.placements gives {quantity!r}; begin_functions give {choices}")
-        taken = _taken_by(quantity, task, scene)
+        taken = taken_by(quantity, task, scene)
         if placed := [n for n in task.placements(scene) if not taken.isdisjoint((n, identifier(n)))]:
             raise ValueError(
                 f"{kind}.placements gives {quantity!r}, which takes {placed[0]}: that of the episode before; "
@@ -119,8 +119,8 @@ def _check_placements(task: Task, scene: Scene, begun: Iterable[str]) -> None:
             )
 
 
-def _taken_by(quantity: str, task: Task, scene: Scene) -> set[str]:
-    """Names of all that a quantity of a start follows from."""
+def taken_by(quantity: str, task: Task, scene: Scene) -> set[str]:
+    """Names of all that a quantity follows from."""
     arm = scene.robot
     own = (*task.functions(scene), *task.begin_functions(scene))
     givers = givers_of((*own, *clearance_functions(scene.attached, arm), *arm.functions))

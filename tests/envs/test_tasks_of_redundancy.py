@@ -62,6 +62,8 @@ def test_curves_are_clear_of_the_discs_and_the_target_runs_along_them():
     env, info = vector("FourRTrackAround")
     every = curve(info, np.linspace(0.0, 2 * np.pi, 60)[None])
     assert (gap_of(every, env).min(-1) > 0.03 - 1e-9).mean() > 0.99
+    with pytest.raises(ValueError, match=r"options\['goal'\] is given, .* TrackAround computes its goal anew"):
+        env.reset(options={"goal": (0.1, 0.2)})
     start, period, wait, rise = env.goal, 3.0, 1.5, 0.4
     for step in range(1, 121):
         _, _, _, _, info = env.step(np.zeros((LANES, 4), np.float32))
