@@ -256,8 +256,8 @@ class Episode:
         x = self.quantities_now(lane)
         taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in algebra.arguments_of(f)]
         earned = [t for t in self.terms if not any(t in algebra.gives_of(f) for f in taking)]
+        x["ended"] = code
         if taking:
-            x["ended"] = code
             x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
         if self.controlled:
             lane.set(self.efforts, x.each(numbered("action{}", len(self.efforts))))
