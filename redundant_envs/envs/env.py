@@ -38,7 +38,7 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
         render_mode: str | None = None,
         on_bad_action: str = "raise",
         task: Mapping[str, Any] | None = None,
-        terminate_on_touch: bool = False,
+        terminate_on_touch: bool | None = None,
         randomize: bool = True,
         observe_parameters: Sequence[str] = (),
         info_keys: Sequence[str] | str | None = None,

@@ -88,6 +88,11 @@ def checked_reset(
         parts[PARAMETERS] = OptionValues(tuple(rows), lanes, np.stack([*rows.values()], axis=1))
     if options.get("goal") is not None and not episode.goal:
         raise ValueError(f"options['goal'] is given, and the task {task.name} has no goal; leave it out")
+    if options.get("goal") is not None and episode.replaces_goal:
+        raise ValueError(
+            f"options['goal'] is given, and the task {task.name} computes its goal anew in every step, from "
+            "what the episode has drawn; leave it out"
+        )
     starts = {"q": scene.robot.coordinates, "qd": scene.robot.rates, "goal": episode.goal}
     for key in (key for key in starts if options.get(key) is not None):
         where, names = f"options[{key!r}]", starts[key]

@@ -160,7 +160,7 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
     spec = gym.spec(full)
     arguments = {"max_episode_steps": spec.max_episode_steps, **spec.kwargs, **kwargs}
     options = {name: arguments.pop(name) for name in ("on_bad_action", *OF_PICTURES) if name in arguments}
-    ends = arguments.pop("terminate_on_touch", False)
+    ends = arguments.pop("terminate_on_touch", None)
     task = make_task(arguments.pop("task", None), IDS[full].task, ends)
     arguments["info_keys"] = ALL if arguments.get("info_keys") is None else arguments["info_keys"]
     core = Core(**arguments, num_envs=num_envs, task=task, env_id=full, autoreset=Autoreset.SAME_STEP)

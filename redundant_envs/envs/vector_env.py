@@ -34,7 +34,7 @@ class ArmVectorEnv(VectorEnvBase, VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         on_bad_action: str = "terminate",
         task: Mapping[str, Any] | None = None,
-        terminate_on_touch: bool = False,
+        terminate_on_touch: bool | None = None,
         render_mode: str | None = None,
         accuracy: str | float | None = None,
         threads: int = 1,

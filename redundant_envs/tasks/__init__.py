@@ -21,20 +21,19 @@ REGISTRY = dict(OWN)
 TOUCH = "terminate_on_touch"
 
 
-def make_task(task: Mapping[str, Any] | None, name: str, terminate_on_touch: bool = False) -> Task:
+def make_task(task: Mapping[str, Any] | None, name: str, terminate_on_touch: bool | None = None) -> Task:
     """The task of a name, with the numbers of the keyword argument; a "type" in it must be the same name.
-    ``terminate_on_touch`` sets the field of that name in a task that has it."""
+    ``terminate_on_touch`` sets the field of that name in a task that has it, unless it is None."""
     kind = REGISTRY[name]
     valid = [field.name for field in dataclasses.fields(kind)]
-    if truth(TOUCH, terminate_on_touch):
-        if TOUCH not in valid:
-            raise ValueError(f"{TOUCH} is True, and {name} has no obstacles that end it; leave it out")
-        task = {**(task or {}), TOUCH: True}
-    if task is None:
-        return kind()
+    if terminate_on_touch is not None and truth(TOUCH, terminate_on_touch) and TOUCH not in valid:
+        raise ValueError(f"{TOUCH} is True, and {name} has no obstacles that end it; leave it out")
+    task = {} if task is None else task
     if not isinstance(task, Mapping):
         raise ValueError(f"task is {shown(task)}; give a mapping of {', '.join(valid)}")
     check_keys("task", task, ["type", *valid])
     if task.get("type", name) != name:
         raise ValueError(f"task.type is {shown(task['type'])} and this is {name}; make the id of that task")
-    return kind(**{key: value for key, value in task.items() if key != "type"})
+    numbers = {key: value for key, value in task.items() if key != "type"}
+    ends = {} if terminate_on_touch is None or TOUCH not in valid else {TOUCH: terminate_on_touch}
+    return kind(**{**numbers, **ends})

@@ -154,7 +154,7 @@ class Task:
         """They compute the terms of the reward, which is their sum. The docstring of each is its formula.
 
         A term with the argument ``paid`` receives the sum of the other terms over the episode, and in
-        ``ended`` whether a fault ends the episode.
+        ``ended`` whether a fault ends the episode, which functions of ``held_outputs`` may take, too.
         """
         raise NotImplementedError(f"{type(self).__name__} does not say what is rewarded")
 

@@ -8,7 +8,7 @@ from redundant_envs.compiler import dialect
 from redundant_envs.effects import baked_numbers
 from redundant_envs.effects.baked_numbers import Described, Owner
 from redundant_envs.effects.bound_hooks import identifier
-from redundant_envs.effects.obstacles import distance_names
+from redundant_envs.effects.obstacles import clearance_functions, distance_names
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered
 from redundant_envs.language.quantities import check_names, givers_of
 from redundant_envs.scenes.numbers import entries_of
@@ -111,6 +111,27 @@ def _check_placements(task: Task, scene: Scene, begun: Iterable[str]) -> None:
         if quantity not in begun:
             choices = ", ".join(sorted(begun)) or "nothing"
             raise ValueError(f"{kind}.placements gives {quantity!r}; begin_functions give {choices}")
+        taken = taken_by(quantity, task, scene)
+        if placed := [n for n in task.placements(scene) if not taken.isdisjoint((n, identifier(n)))]:
+            raise ValueError(
+                f"{kind}.placements gives {quantity!r}, which takes {placed[0]}: that of the episode before; "
+                "compute it from draws and from numbers that the task does not set"
+            )
+
+
+def taken_by(quantity: str, task: Task, scene: Scene) -> set[str]:
+    """Names of all that a quantity follows from."""
+    arm = scene.robot
+    own = (*task.functions(scene), *task.begin_functions(scene))
+    givers = givers_of((*own, *clearance_functions(scene.attached, arm), *arm.functions))
+    pairs = {**arm.sincos, **task.angles}.items()
+    angles = {name: (angle,) for angle, pair in pairs for name in pair}
+    names, new = set[str](), {quantity}
+    while new:
+        names |= new
+        arguments = (angles.get(n) or (arguments_of(givers[n]) if n in givers else ()) for n in new)
+        new = {name for some in arguments for name in some} - names
+    return names
 
 
 def _check_captured(task: Task, scene: Scene) -> None:

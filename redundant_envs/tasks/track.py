@@ -70,9 +70,10 @@ def tracked(worst_new, begun, reach, track_tolerance):
 
 
 @physics(gives="is_success lost")
-def success(tracked, begun):
-    """Whether the tip has been on the target all the time, or has lost it."""
-    return tracked, begun - tracked
+def success(tracked, begun, ended):
+    """Whether the tip has been on the target all the time, and no fault cuts that short; whether it has lost
+    the target."""
+    return where(ended > 0.0, 0.0, tracked), begun - tracked
 
 
 @physics(gives="settle_term")
@@ -175,7 +176,7 @@ class TrackTask(ReachTask):
         return (
             '`info["is_success"]`, from the first step after the time `settle` on: whether the tip was\n'
             f"within {100 * self.track_tolerance:g} % of the full reach of the target at the end of every "
-            'step since then;\n`info["worst"]` is the largest distance, m.'
+            'step since then, and no fault ends the episode;\n`info["worst"]` is the largest distance, m.'
         )
 
     def start_note(self) -> str:

@@ -45,9 +45,10 @@ def fitted(room, drawn_along, slenderness, tilt_sine, tilt_cosine):
 
 
 @physics(gives="is_success lost")
-def success(tracked, begun, struck_new):
-    """Whether the tip has been on the target all the time without a touch; whether it has lost the target."""
-    return where(struck_new > 0.0, 0.0, tracked), begun - tracked
+def success(tracked, begun, struck_new, ended):
+    """Whether the tip has been on the target all the time without a touch, and no fault cuts that short;
+    whether it has lost the target."""
+    return where(struck_new + ended > 0.0, 0.0, tracked), begun - tracked
 
 
 @dataclass(frozen=True)

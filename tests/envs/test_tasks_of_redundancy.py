@@ -62,6 +62,8 @@ def test_curves_are_clear_of_the_discs_and_the_target_runs_along_them():
     env, info = vector("FourRTrackAround")
     every = curve(info, np.linspace(0.0, 2 * np.pi, 60)[None])
     assert (gap_of(every, env).min(-1) > 0.03 - 1e-9).mean() > 0.99
+    with pytest.raises(ValueError, match=r"options\['goal'\] is given, .* TrackAround computes its goal"):
+        env.reset(options={"goal": (0.1, 0.2)})
     start, period, wait, rise = env.goal, 3.0, 1.5, 0.4
     for step in range(1, 121):
         _, _, _, _, info = env.step(np.zeros((LANES, 4), np.float32))
@@ -111,6 +113,10 @@ def test_a_touch_ends_the_episode_if_it_shall():
     assert infos[-1][1]["struck"]
     assert infos[-1][1]["numerics"] == 0
     assert len(infos) < 60
+    for env_id, own in ((AROUND, False), ("redundant_envs/FourRGoalReachAround-v0", True)):
+        for asked, ends in ((None, own), (False, False), (True, True)):
+            env = gym.make(env_id, terminate_on_touch=asked)
+            assert env.unwrapped.core.task.terminate_on_touch == ends
     with pytest.raises(ValueError, match=r"terminate_on_touch is True, and Reach has no obstacles"):
         gym.make("redundant_envs/FourRReach-v0", terminate_on_touch=True)
     with pytest.raises(ValueError, match=r"terminate_on_touch is 1; give True or False"):
@@ -160,6 +166,18 @@ def test_a_lost_target_is_told_and_success_needs_it_never_lost():
         np.testing.assert_array_equal(info["lost"], late & (np.asarray(info["worst"]) > 0.01))
         assert late or not info["is_success"].any()
     assert info["lost"].all()
+
+
+@pytest.mark.parametrize("name", ["TwoRTrack", "FourRTrackAround"])
+def test_a_fault_is_no_way_to_success(name):
+    """Else an arm that has tracked for a moment would end the episode there."""
+    env, _ = vector(name, 1, task={"track_tolerance": 2.0})  # no arm can lose the target
+    for step in range(90):
+        action = np.full((1, env.single_action_space.shape[0]), np.nan if step == 89 else 0.0, np.float32)
+        *_, ended, _, info = env.step(action)
+        assert info["is_success"][0] == (not ended[0] and (step + 1) * 0.02 > env.core.task.settle)
+    assert ended[0]
+    assert not info["lost"][0]
 
 
 @pytest.mark.parametrize("effect", ["MotorBrake", "MotorLoss"])

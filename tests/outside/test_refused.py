@@ -326,6 +326,18 @@ def task_of(width=1.0, base=rde.ReachTask, **body):
     return dataclass(frozen=True)(type("Held", (base,), body))(width=width)
 
 
+def places(takes):
+    """Gravity that the task sets to a quantity of these."""
+    heavier = physics(gives="g_new", takes=takes)(lambda *values: 9.0 + values[0])
+    later = physics(gives="rest_x", takes="gravity_g")(lambda g: 2.0 * g)
+    return {
+        "placements": lambda self, scene: {"gravity.g": "g_new"},
+        "begin_functions": lambda self, scene: (
+            *rde.ReachTask.begin_functions(self, scene), heavier, later,
+        ),
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("task", "said"),
     [
@@ -338,6 +350,8 @@ def task_of(width=1.0, base=rde.ReachTask, **body):
         (task_of(goal_conditioned=True), "give one reward term, a function of goal_reward"),
         (task_of(units={"perod": "s"}), r"Held\.units has 'perod'; choose start_angle, speed_bound"),
         (task_of(static=("speed_bound",)), r"Held.static has 'speed_bound'; choose"),
+        (task_of(**places("gravity_g")), r"Held\.placements gives 'g_new', which takes gravity\.g: that of"),
+        (task_of(**places("goal_x rest_x")), r"Held\.placements gives 'g_new', which takes gravity\.g: that"),
     ],
 )
 def test_a_task_whose_names_mean_something_else(task, said):

@@ -30,6 +30,7 @@ from redundant_envs.simulator.lane.interval import Interval
 from redundant_envs.simulator.lane.memory import Lane
 from redundant_envs.simulator.lane.sensing import measured, reads_nonsense
 from redundant_envs.tasks.base import Task, depth_beyond, range_of_starts, spring_limits, start_position
+from redundant_envs.tasks.checks import taken_by
 
 TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
@@ -99,6 +100,12 @@ class Episode:
         taken = {name for f in self.functions for name in algebra.arguments_of(f)}
         taken |= {*task.metrics, *task.updates.values(), *task.moves.values()}
         return not taken.isdisjoint(closest_names(self.dynamics.scene.attached))
+
+    @cached_property
+    def replaces_goal(self) -> bool:
+        """Whether every step computes the goal anew, wherever it was."""
+        scene, moves = self.dynamics.scene, self.task.moves
+        return any(n in moves and n not in taken_by(moves[n], self.task, scene) for n in self.goal)
 
     @cached_property
     def tables(self) -> dict[str, tuple[str, ...]]:
@@ -249,8 +256,8 @@ class Episode:
         x = self.quantities_now(lane)
         taking = [f for f in task.reward_functions(self.dynamics.scene) if "paid" in algebra.arguments_of(f)]
         earned = [t for t in self.terms if not any(t in algebra.gives_of(f) for f in taking)]
+        x["ended"] = code
         if taking:
-            x["ended"] = code
             x["paid"] = total(lane[f"{t}_sum"] + x[t] for t in earned)
         if self.controlled:
             lane.set(self.efforts, x.each(numbered("action{}", len(self.efforts))))
