@@ -221,6 +221,10 @@ def test_a_task_without_what_it_needs_says_what_to_add(name):
         match=r"the task ReachFault needs a fault; add MotorBrake\(",
     ):
         gym.make("redundant_envs/FourRReachFault-v0", scene="four_r_reach")
+    scene = rde.load_scene("four_r_reach").to_dict()
+    scene["effects"].append({"type": "DCMotor", **rde.effects.DCMotor.example.numbers})
+    with pytest.raises(ValueError, match=r"the task ReachLight counts efforts, and the motors .* take V, V"):
+        gym.make("redundant_envs/FourRReachLight-v0", scene=scene)
 
 
 @pytest.mark.long
