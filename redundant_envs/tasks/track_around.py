@@ -94,6 +94,8 @@ class TrackAroundTask(AmongObstacles, TrackTask):
         **dict.fromkeys(("near", "far", "goal_margin"), "reaches"),
     }  # fmt: skip
 
+    ranges = {**TrackTask.ranges, **AmongObstacles.ranges}
+
     def begin_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         numbers = range(CANDIDATES)
         points = [(f"x{k}_drawn", f"y{k}_drawn") for k in numbers]

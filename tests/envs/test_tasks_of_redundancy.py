@@ -209,6 +209,19 @@ def test_the_first_candidate_that_fits_is_taken_else_the_last():
         assert take(*fits, *points) == (k, 10.0 * k)
 
 
+@pytest.mark.parametrize("name", ["Track", "TrackAround"])
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        ({"largest": 0.05}, r"Task\.smallest is 0\.1, largest is 0\.05; smallest must be at most largest"),
+        ({"period": 1e-310}, r"Task\.period is 1e-310; it must lie in 0\.001 to 1e\+09"),
+    ],
+)
+def test_curves_that_cannot_be_drawn(name, numbers, said):
+    with pytest.raises(ValueError, match=said):
+        OWN[name](**numbers)
+
+
 @pytest.mark.parametrize("name", ["ReachAround", "TrackAround", "GoalReachAround"])
 def test_a_task_without_what_it_needs_says_what_to_add(name):
     with pytest.raises(
