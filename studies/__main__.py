@@ -93,6 +93,11 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("arms", nargs="*", metavar="ARM", help="4R or RPRP; default: both")
     p.add_argument("--goals", type=int, default=100, help="of the strength study, from its first")
     written(p)
+    p = study(
+        measure, "redundancy", "what experts hold that use the null space, and what the nearest pose holds"
+    )
+    p.add_argument("--episodes", type=int, default=500)
+    written(p)
     p = study(accuracy, "accuracy", "error against cost, beside MuJoCo and SciPy")
     configured(p, "accuracy")
     p.add_argument("--out", type=Path, default=OUT, metavar="FOLDER")
@@ -130,12 +135,13 @@ MEASURED: dict[str, tuple[str, Callable[[Any, Any], list[Row]]]] = {
     "modes": ("env", lambda of, o: of.run(o.lanes, o.rounds)),
     "effects": ("at", lambda of, o: of.run(of.load_study(_config(o)), o.name)),
     "ilqr": ("arm", lambda of, o: of.run(o.arms, o.goals)),
+    "redundancy": ("task", lambda of, o: of.run(o.episodes)),
     "stops": ("states", lambda of, o: of.run(of.policies(o), o.lanes)),
     "impacts": ("family", _families),
     "intervals": ("family", _families),
 }
 """Studies whose result is a table: the first column that is printed for each row, and how they are run."""
-LEAST = {"intervals": 1, "seed": 0, "processes": 1, "lanes": 8, "rounds": 1, "goals": 2}
+LEAST = {"intervals": 1, "seed": 0, "processes": 1, "lanes": 8, "rounds": 1, "goals": 2, "episodes": 1}
 """Least values of options."""
 
 

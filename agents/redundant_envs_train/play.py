@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.control.experts import baseline_of
-from redundant_envs.envs.registration import full_id, ids
+from redundant_envs.envs.registration import full_id, ids, listed
 from redundant_envs.scenes.files import exists
 from redundant_envs.support.extras import needs
 from redundant_envs.support.figures import check_clip, write_clip
@@ -57,7 +57,7 @@ def play(
     else:
         env_id, who = full_id(target), "expert" if actions is None else actions
         if env_id not in ids():
-            raise ValueError(f"target is {shown(target)}; give a run folder or one of {', '.join(ids())}")
+            raise ValueError(f"target is {shown(target)}; give a run folder or one of {listed()}")
         if who not in ACTIONS:
             raise ValueError(f"--actions is {shown(who)}; choose {', '.join(ACTIONS)}")
         act = ACTIONS[who](seed)

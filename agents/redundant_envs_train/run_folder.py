@@ -18,7 +18,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.registration import check_arm, check_motors, ids
+from redundant_envs.envs.registration import check_arm, check_motors, ids, listed
 from redundant_envs.scenes.files import exists
 from redundant_envs.scenes.scene import Scene, load_scene, scene_at, scene_path
 from redundant_envs.support.bounded import MAX_PACKED, opened, read_json, read_lines
@@ -136,7 +136,7 @@ class Evaluation(Model):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.env not in ids():
-            raise ValueError(f"env is {shown(self.env)}; choose {', '.join(ids())}")
+            raise ValueError(f"env is {shown(self.env)}; choose {listed()}")
         if (self.interval is None) != (self.hold_success is None):
             raise ValueError(f"interval is {self.interval}, and hold_success is {self.hold_success}")
         if self.interval is not None and self.interval[0] > self.interval[1]:

@@ -81,6 +81,8 @@ TASKS = _steps_of_tasks()
 """Control steps after which episodes of tasks are truncated."""
 PAIR_SCENES = _scenes_of_tasks()
 """Scenes of pairs, by what names them: ("the task", its name) -> arms, ("the arm", its name) -> tasks."""
+MOST_LISTED = 30
+"""Ids that a message lists: those of this package."""
 IDS: dict[str, Made] = {}  # all ids
 HOMES: dict[tuple[str, str], str] = {}
 """("the arm" or "the task", its name) -> the module of its class and "/", for those registered from outside:
@@ -96,6 +98,13 @@ def scene_of(arm: str, task: str) -> Any:
 def ids() -> list[str]:
     """All registered ids."""
     return list(IDS)
+
+
+def listed(ids: Iterable[str] | None = None) -> str:
+    """Ids, or all that are registered, as a message lists them: without what all begin with."""
+    names = [name.partition("/")[2] for name in (IDS if ids is None else ids)]
+    more = [f"and {len(names) - MOST_LISTED} more"] if len(names) > MOST_LISTED else []
+    return ", ".join([*names[:MOST_LISTED], *more])
 
 
 def id_of(arm: str, task: str) -> str:

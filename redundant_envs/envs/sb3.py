@@ -15,7 +15,7 @@ from redundant_envs.envs.arguments import checked_seed
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.face import PICTURE_SIZE, VectorEnvBase, observation_of
 from redundant_envs.envs.outputs import ALL
-from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids
+from redundant_envs.envs.registration import ARGUMENTS, IDS, OF_PICTURES, full_id, ids, listed
 from redundant_envs.model.memory import first
 from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.support.extras import needs
@@ -153,7 +153,7 @@ def make_sb3(env_id: str, num_envs: int = 256, monitor: bool = True, **kwargs: A
         importlib.import_module(module)
     full, valid = full_id(name), (*ARGUMENTS, *OF_PICTURES, "threads")
     if full not in ids():
-        raise ValueError(f"env_id is {shown(env_id)}; valid: {', '.join(ids())}")
+        raise ValueError(f"env_id is {shown(env_id)}; valid: {listed()}")
     for key in kwargs:
         if key not in valid:
             raise ValueError(f"make_sb3 has no argument {key!r}; valid: {', '.join(valid)}")

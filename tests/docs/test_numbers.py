@@ -16,6 +16,7 @@ from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.evidence.table import results_table
 from studies import strength as strength_run
 from studies.ilqr import ilqr_table
+from studies.redundancy import redundancy_table
 from studies.strength import learner_rows, read_rows
 
 
@@ -85,6 +86,10 @@ def test_the_table_of_strengths_is_what_the_study_wrote():
     (command,) = re.findall("^python -m studies strength --seeds none --runs .*", page("strength"), re.M)
     kept = [ROOT / place for place in shlex.split(command) if "docs/results" in place]
     assert sorted(map(str, learner_rows(kept))) == sorted(str(row) for row in found if row.seeds)
+
+
+def test_the_table_of_experts_is_what_the_study_wrote():
+    assert redundancy_table(rows(RESULTS / "redundancy.csv")) in page("control")
 
 
 def test_the_table_of_ilqr_is_what_the_study_wrote():

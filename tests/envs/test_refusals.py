@@ -48,7 +48,7 @@ ARGUMENTS = [
     ("autoreset_mode is 'sometimes'", {}, ("sometimes",)),
     ("make_sb3 has no argument 'efects'; valid: scene", {"efects": 1}, ("sb3",)),
     ("monitor is 'yes'; give True or False", {"monitor": "yes"}, ("sb3",)),
-    ("env_id is 'Nope-v0'; valid: redundant_envs/", {"env_id": "Nope-v0"}, ("sb3",)),
+    ("env_id is 'Nope-v0'; valid: ", {"env_id": "Nope-v0"}, ("sb3",)),
     ("env_id is .*; give an id", {"env_id": rde.ReachTask}, ("sb3",)),
 ]
 

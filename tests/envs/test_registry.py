@@ -199,8 +199,9 @@ def test_the_page_explains_every_key_of_info_and_no_other(env_id):
     sums = {f"return_{row[0]}" for row in rows(section(page(env_id), "Rewards"))}
     known = {key for key, *_ in rows(section(page(env_id), "Info"))} - {"return_*"}
     assert sums <= found <= known | sums
-    stops = gym.make(env_id).unwrapped.scene.robot.sliders()
-    assert known - found == {"beyond_limit", "parameters"} | (set() if stops else {"events"})
+    scene = gym.make(env_id).unwrapped.scene
+    only_elsewhere = {"parameters": not scene.randomize, "events": not scene.robot.sliders()}
+    assert known - found == {"beyond_limit", *(key for key, absent in only_elsewhere.items() if absent)}
 
 
 def test_an_id_may_have_the_module_that_registers_it():

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Literal, Self, get_args
 
-from redundant_envs.envs.registration import ARGUMENTS, IDS, TASKS, full_id, ids
+from redundant_envs.envs.registration import ARGUMENTS, IDS, TASKS, full_id, ids, listed
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 
@@ -88,13 +88,13 @@ class Config(Model):
     def _consistent(self) -> Self:
         if self.env not in ids():
             more = "--import MODULE before the command makes those known that a module of yours registers"
-            raise ValueError(f"env is {shown(self.env)}; choose {', '.join(ids())} ({more})")
+            raise ValueError(f"env is {shown(self.env)}; choose {listed()} ({more})")
         for name in ALGORITHMS:
             if name != self.algo and getattr(self, name) is not None:
                 fix = f"give settings of one learner only: begin with a preset of {name} or of {self.algo}"
                 raise ValueError(f"{name} has settings, and algo is {self.algo}; {fix}")
         has_goal = "Goal" in self.env
-        others = ", ".join(name for name in ids() if ("Goal" in name) != has_goal)
+        others = listed(name for name in ids() if ("Goal" in name) != has_goal)
         if self.algo == "her" and not has_goal:
             raise ValueError(f"env is {self.env}; her needs a goal environment: {others}")
         if self.algo == "crossq" and has_goal:

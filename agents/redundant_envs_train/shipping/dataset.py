@@ -11,7 +11,7 @@ import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
 from redundant_envs import __version__
-from redundant_envs.envs.registration import full_id, ids
+from redundant_envs.envs.registration import full_id, ids, listed
 from redundant_envs.scenes.files import exists
 from redundant_envs.scenes.scene import scene_at
 from redundant_envs.support.disk import free_bytes
@@ -47,7 +47,7 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
     config = None if who in ACTORS else own_config(Path(who))
     env_id = full_id(env or (config.env if config else ""))
     if env_id not in ids() or (config and env_id != config.env):
-        fix = f"leave it out: {who} has a policy of {config.env}" if config else f"choose {', '.join(ids())}"
+        fix = f"leave it out: {who} has a policy of {config.env}" if config else f"choose {listed()}"
         raise ValueError(f"env is {shown(env)}; {fix}")
     if os.path.lexists(out):
         raise ValueError(f"out is {out}, which exists; delete it or choose another --out")
