@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from redundant_envs.effects.hooks import effort_unit
 from redundant_envs.language.algebra import (
     maximum,
     minimum,
@@ -136,6 +137,12 @@ class ReachLightTask(ReachTask):
 
     def functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         joints, limits = len(scene.robot.joints), scene.effort_units() or scene.action_units()
+        taken = scene.command_units()
+        if not scene.effort_units() and taken != tuple(effort_unit(scene.robot, k) for k in range(joints)):
+            raise ValueError(
+                f"the task {self.name} counts efforts, and the motors of the scene take {', '.join(taken)}; "
+                "give a scene whose commands are efforts, without DCMotor"
+            )
         return (
             *super().functions(scene), largest_effort(joints), *loads_at_rest(scene.robot, limits),
             observed_loads(joints), largest_at_rest(joints),

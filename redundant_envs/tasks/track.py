@@ -139,6 +139,16 @@ class TrackTask(ReachTask):
         **dict.fromkeys(("period", "wait", "rise", "settle"), "s"),
     }
 
+    ranges = {**ReachTask.ranges, "period": (1e-3, 1e9)}  # angles stay below those whose sines are exact
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.smallest > self.largest:
+            raise ValueError(
+                f"{type(self).__name__}.smallest is {self.smallest:g}, largest is {self.largest:g}; smallest "
+                "must be at most largest"
+            )
+
     def begin_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         of_curve = sizes([f"draw{k}" for k in range(1, 7)])
         return of_curve, centre_drawn, place, point_at("goal", "phase_s", "phase_c")

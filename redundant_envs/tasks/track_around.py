@@ -13,7 +13,8 @@ from redundant_envs.tasks.reach import terms_of_distance
 from redundant_envs.tasks.track import TrackTask
 
 CANDIDATES = 6
-"""Centres of curves that are drawn: the last one is taken if around none there is room for the curve."""
+"""Centres of curves that are drawn. If none has room for the whole curve, the last one is taken, with a
+smaller curve; if that has no room at all, the first one that has some."""
 SMALLEST_FIT = 0.1
 """Least share of its size to which a curve shrinks where there is no room for it."""
 
@@ -29,10 +30,11 @@ def candidate(k: int) -> tuple[Callable[..., Any], ...]:
     def place(radius: Any, s: Any, c: Any) -> Any:
         return radius * c, radius * s
 
-    @physics(gives=f"room{k} fits{k}", takes=f"free{k} goal_margin reach drawn_along slenderness")
+    @physics(gives=f"room{k} fits{k} some{k}", takes=f"free{k} goal_margin reach drawn_along slenderness")
     def room(free: Any, margin: Any, reach: Any, along: Any, slenderness: Any) -> Any:
         left = free - margin * reach
-        return left, left - along * sqrt(1.0 + slenderness * slenderness)
+        size = along * sqrt(1.0 + slenderness * slenderness)
+        return left, left - size, left - SMALLEST_FIT * size
 
     return polar, place, room
 
@@ -92,14 +94,18 @@ class TrackAroundTask(AmongObstacles, TrackTask):
         **dict.fromkeys(("near", "far", "goal_margin"), "reaches"),
     }  # fmt: skip
 
+    ranges = {**TrackTask.ranges, **AmongObstacles.ranges}
+
     def begin_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         numbers = range(CANDIDATES)
         points = [(f"x{k}_drawn", f"y{k}_drawn") for k in numbers]
         centres = [(*point, f"room{k}") for k, point in enumerate(points)]
+        some = [f"some{k}" for k in numbers]
+        fits = [*(f"fits{k}" for k in numbers[:-1]), some[-1], *some[:-1]]
         return (
             sizes([f"draw{k}" for k in range(1, 7)]), *(f for k in numbers for f in candidate(k)),
             *clearance_of_points(scene, points, [f"free{k}" for k in numbers]),
-            first_that_fits(("centre_x", "centre_y", "room"), centres, [f"fits{k}" for k in numbers[:-1]]),
+            first_that_fits(("centre_x", "centre_y", "room"), (*centres, *centres), fits),
             fitted, point_at("goal", "phase_s", "phase_c"),
         )  # fmt: skip
 
