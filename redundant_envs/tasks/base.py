@@ -68,6 +68,8 @@ class Task:
         Metrics -> their names in ``info``, where these differ.
     held_outputs : tuple of str, default ()
         Metrics that are known only after a step, and kept until the next one.
+    summed : tuple of str, default ()
+        Those of them that a decision over several control steps sums, as it does rewards.
     failures : mapping of str to str, default {}
         Flags of ``info`` that tell why an episode is no success -> words of a report, such as "a link touched
         an obstacle"; the first one that is true counts.
@@ -111,6 +113,7 @@ class Task:
     flags: ClassVar[tuple[str, ...]] = ()
     labels: ClassVar[Mapping[str, str]] = {}
     held_outputs: ClassVar[tuple[str, ...]] = ()
+    summed: ClassVar[tuple[str, ...]] = ()
     failures: ClassVar[Mapping[str, str]] = {}
     ends: ClassVar[tuple[str, ...]] = ()
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}

@@ -68,6 +68,8 @@ def check_task(task: Task, scene: Scene) -> None:
     choices: dict[str, Sequence[str]] = {
         **dict.fromkeys(("moves", "updates"), task.memory),
         **dict.fromkeys(("flags", "labels", "held_outputs"), task.metrics),
+        "summed": task.held_outputs,
+        "ends": [*task.memory, *(name for f in task.functions(scene) for name in gives_of(f))],
         **dict.fromkeys(("ranges", "units"), fields),
         "static": [f for f in fields if f not in of_all],
     }

@@ -131,6 +131,7 @@ class ReachLightTask(ReachTask):
     failures: ClassVar[Mapping[str, str]] = {"heavy": "a motor had to work too hard at the end"}
     labels = {**ReachTask.labels, "rest": "load_at_rest"}
     held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "heavy", "load", "cost")
+    summed: ClassVar[tuple[str, ...]] = ("cost",)
     weights = (0.15, 0.15, 0.16)
     units = {**ReachTask.units, "light": "limits"}
     ranges = {**ReachTask.ranges, "light": (1e-6, 1.0)}

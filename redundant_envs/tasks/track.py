@@ -10,7 +10,11 @@ from redundant_envs.tasks.parts.curve import CURVE, TURN, next_phase, point_at, 
 from redundant_envs.tasks.reach import ReachTask, terms_of_distance
 
 AHEAD = (4, 8)
-"""Control steps: where the target will be then is observed."""
+"""Control steps: where the target would be then at its present pace is observed."""
+
+
+LONGEST = 1.25
+"""Most half lengths from the centre to a point of a curve: cos^2 x + sin^2 2x is 25/16 at most."""
 
 
 @physics(gives="centre_r centre_a")
@@ -148,6 +152,16 @@ class TrackTask(ReachTask):
                 f"{type(self).__name__}.smallest is {self.smallest:g}, largest is {self.largest:g}; smallest "
                 "must be at most largest"
             )
+        if (farthest := self.farthest + LONGEST * self.largest) > 1.0:
+            raise ValueError(
+                f"{type(self).__name__} draws targets as far as {farthest:g} reaches; give a smaller "
+                "largest, or centres nearer to the base"
+            )
+
+    @property
+    def farthest(self) -> float:
+        """Largest distance of a centre from the base, in reaches."""
+        return self.spread
 
     def begin_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         of_curve = sizes([f"draw{k}" for k in range(1, 7)])
@@ -176,7 +190,7 @@ class TrackTask(ReachTask):
             **super().observation(scene),
             **{f"slope_{a}_obs": f"squash(target velocity {a} / (0.5 reach per s))" for a in "xy"},
             **{
-                f"ahead{k}_{a}_obs": f"squash((target {a} in {steps} steps - tip {a}) / (0.1 reach))"
+                f"ahead{k}_{a}_obs": f"squash((target {a} in {steps} steps at this pace - tip) / (0.1 reach))"
                 for k, steps in enumerate(AHEAD, start=1)
                 for a in "xy"
             },

@@ -96,6 +96,10 @@ class TrackAroundTask(AmongObstacles, TrackTask):
 
     ranges = {**TrackTask.ranges, **AmongObstacles.ranges}
 
+    @property
+    def farthest(self) -> float:
+        return self.far
+
     def begin_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         numbers = range(CANDIDATES)
         points = [(f"x{k}_drawn", f"y{k}_drawn") for k in numbers]

@@ -187,3 +187,18 @@ def test_a_scene_that_has_a_mode_needs_no_argument():
         env = made("next_step", FOUR_R, scene=TIP, action=action)
         assert env.single_action_space.shape == (2,)
         assert env.scene.parameters()["tip_velocity.gain"] == 20.0
+
+
+def test_a_decision_sums_the_costs_of_its_control_steps():
+    single, several = (
+        gym.make_vec("redundant_envs/FourRReachAround-v0", num_envs=32, decide_every=k) for k in (1, 5)
+    )
+    for env in (single, several):
+        env.reset(seed=4)
+    rng, costs = np.random.default_rng(1), np.zeros((2, 32))
+    for _ in range(25):
+        action = rng.uniform(-0.5, 0.5, (32, 4)).astype(np.float32)
+        costs[1] += several.step(action)[-1]["cost"]
+        costs[0] += sum(single.step(action)[-1]["cost"] for _ in range(5))
+    assert costs[0].max() > 5.0
+    np.testing.assert_array_equal(*costs)

@@ -210,6 +210,7 @@ class Episode:
         lane.refused = where(defect == 0.0, 0.0, float(Fault.BAD_ACTION))
         lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
         lane.over, lane.reward, lane.numerics = False, 0.0, 0.0
+        lane.set(self.task.summed, [0.0] * len(self.task.summed))
 
     def begin_step_of_decision(self, lane: Lane) -> None:
         if not self.features.local:
@@ -217,8 +218,8 @@ class Episode:
         self.set_commands(lane)
 
     def finish_step_of_decision(self, lane: Lane) -> None:
-        """After a control step of a decision: rewards are summed, and faults collected; a lane whose episode
-        has ended stays as it is."""
+        """After a control step of a decision: rewards and costs are summed, faults collected; a lane whose
+        episode has ended stays as it is."""
         over, memory = lane.over, (*self.task.memory, *self.task.held_outputs)
         efforts = self.efforts if self.controlled else ()
         before = lane.values((*memory, *self.counts, *ENDS, *efforts))
@@ -227,6 +228,8 @@ class Episode:
         self.interval.undo(lane, over)
         lane.numerics = either(before["numerics"], lane.numerics)
         lane.reward = before["reward"] + lane.reward
+        for name in self.task.summed:
+            lane[name] = before[name] + lane[name]
         lane.set_where(over, before)
         lane.over = (lane.terminated > 0.0) | (lane.truncated > 0.0)
 

@@ -118,6 +118,7 @@ class AmongObstacles(ReachTask):
     metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "struck_new", "cost", "clearance")
     flags: ClassVar[tuple[str, ...]] = (*ReachTask.flags, "struck_new")
     labels = {**ReachTask.labels, "struck_new": "struck"}
+    summed: ClassVar[tuple[str, ...]] = ("cost",)
     failures: ClassVar[Mapping[str, str]] = {"struck": "a link touched an obstacle"}
     held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "struck_new", "cost")
     units = {
