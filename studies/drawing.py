@@ -5,7 +5,7 @@ import dataclasses
 
 import numpy as np
 
-from redundant_envs.effects import REGISTRY
+from redundant_envs.effects import REGISTRY, InnerControl
 from redundant_envs.robots import RPRP, Chain, FourR
 from redundant_envs.tasks.base import hard_stops, spring_limits
 from studies.interval_families import decades
@@ -50,8 +50,10 @@ def drawn_numbers(rng, joints, lengths, calm):
 
 
 def own_effects():
-    """Effects of the package by their names; tests register more in the same process."""
-    return {n: c for n, c in sorted(REGISTRY.items()) if c.__module__.startswith("redundant_envs.")}
+    """Effects of the package by their names, which tests extend in the same process, but for the modes of
+    actions: their commands are no efforts of joints, and only those are drawn."""
+    kinds = {name: kind for name, kind in sorted(REGISTRY.items()) if not issubclass(kind, InnerControl)}
+    return {name: kind for name, kind in kinds.items() if kind.__module__.startswith("redundant_envs.")}
 
 
 def size_of(arm):
