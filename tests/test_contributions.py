@@ -64,7 +64,8 @@ class TwinReachTask(ReachTask):
 
 def test_a_new_arm_and_a_new_task_have_environments_that_the_tests_of_all_ids_find_sound(tree):
     twin(tree, "redundant_envs/robots/four_r.py", ("FourR", "TwinR"), ("four_r", "twin_r"))
-    twin(tree, "configs/scenes/four_r_reach.yaml", ("FourR", "TwinR"), ("four_r", "twin_r"))
+    for scene in ("reach", "around", "reach_fault"):
+        twin(tree, f"configs/scenes/four_r_{scene}.yaml", ("FourR", "TwinR"), ("four_r", "twin_r"))
     (tree / "redundant_envs" / "tasks" / "twin_reach.py").write_text(TASK, encoding="utf-8")
     of_all_ids = ["tests/envs/test_registry.py", "tests/envs/test_promises.py", "-k", "Twin"]
     assert outcome(of_all_ids, tree).result == "green"
