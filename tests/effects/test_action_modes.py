@@ -58,6 +58,7 @@ def wanted(name, mode, q, commands):
     return W @ s / np.sqrt(1.0 + 4.0 * length**6 / (1.0 + 2.0 * length**2) ** 2)
 
 
+@pytest.mark.quick(*(f"{name}-{mode}" for name in ("4R", "RRR") for mode in modes(name)))
 @pytest.mark.parametrize("mode", modes("4R"))
 @pytest.mark.parametrize("name", ["4R", "RPRP", "RRR"])
 def test_rates_of_joints_approach_those_that_a_mode_wants_with_its_gain(name, mode):

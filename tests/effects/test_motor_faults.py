@@ -34,6 +34,7 @@ def test_a_fault_begins_with_the_first_interval_that_begins_then_or_later(fault,
 
 
 @WITH
+@pytest.mark.quick("4R-1e-6")
 @pytest.mark.parametrize("arm", [FOUR_R, RPRP], ids=["4R", "RPRP"])
 def test_a_brake_does_nothing_before_it_closes_and_then_holds_its_joint_to_the_bit(arm, how):
     """Each lane brakes a joint of its own; the angle of a joint may be a difference of coordinates, which
@@ -73,6 +74,7 @@ def test_an_impact_passes_through_a_closed_brake_which_then_holds_again():
     assert (batch.qd @ RPRP.motor_map)[0, 2] == 0.0
 
 
+@pytest.mark.quick("1e-6")
 @WITH
 def test_impacts_that_a_closed_brake_passes_on_come_to_an_end(how):
     """One slider strikes, the brake slips, its friction pushes the other slider off its stop, and so on."""
@@ -93,6 +95,7 @@ CHAINS = {
 }
 
 
+@pytest.mark.quick("lag and delay-last", "a gear-first")
 @pytest.mark.parametrize("behind", [False, True], ids=["last", "first"])
 @pytest.mark.parametrize("chain", CHAINS.values(), ids=CHAINS)
 def test_a_lost_motor_gives_no_effort_whatever_is_before_it_in_its_chain(chain, behind):
