@@ -14,6 +14,7 @@ from redundant_envs.scenes.tableaus import METHODS
 HERE = ROOT / "docs" / "site"
 
 
+@pytest.mark.long
 def test_pages_from_the_code_have_every_scene_and_name_and_their_blocks_run(monkeypatch, capsys):
     for needed in ("imageio", "matplotlib"):
         pytest.importorskip(needed)

@@ -117,6 +117,7 @@ def test_the_study_of_redundancy_runs_every_controller_on_the_same_episodes():
     assert all(0.0 <= row["success"] <= 1.0 for row in found)
 
 
+@pytest.mark.long
 def test_the_study_of_ilqr_judges_by_the_environment_and_continues_from_stronger_motors(monkeypatch):
     monkeypatch.setattr(ilqr, "STAGES", 1)
     monkeypatch.setattr(ilqr, "ROUNDS", 3)
