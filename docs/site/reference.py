@@ -29,7 +29,7 @@ from redundant_envs.scenes.tableaus import METHODS
 from redundant_envs.support.disk import write_text
 from redundant_envs.support.tables import markdown
 from redundant_envs.tasks import OWN as OWN_TASKS
-from redundant_envs_train.rollout import expert_act
+from redundant_envs_train.rollout import expert_act, expert_name
 from studies.effects import Study, load_study
 
 sys.path.insert(0, str(DOCS / "examples"))
@@ -42,7 +42,7 @@ POLICIES = {
     "RPRPReach-v0": "RPRPReach-v0-sac", "FourRReach-v0": "FourRReach-v0-sac",
     "RPRPGoalReach-v0": "RPRPGoalReach-v0-her", "FourRGoalReach-v0": "FourRGoalReach-v0-her",
 }  # fmt: skip
-"""Shipped policies that the clips show; the other clips show computed torque."""
+"""Shipped policies that the clips show; the other clips show the experts of the tasks."""
 SEED, FRAMES, EVERY, FPS = 6, 50, 2, 25
 HEADS = [name.replace("_", " ") for name in Operations._fields]
 COMMANDS = {
@@ -104,7 +104,7 @@ def environments() -> dict[str, str]:
 
 {first}
 
-![{name}: {"a trained policy" if name in POLICIES else "computed torque"} reaches for its goal]({name}.gif)
+![{name}: an episode with {"a trained policy" if name in POLICIES else expert_name(env_id)}]({name}.gif)
 
 {markdown(("", ""), rows, formatted=True)}
 
@@ -125,7 +125,7 @@ observation, reward, terminated, truncated, info = env.step(env.action_space.sam
 
 
 def played(env_id: str) -> np.ndarray:
-    """Frames of an episode with a shipped policy, run by NumPy, or with computed torque."""
+    """Frames of an episode with a shipped policy, run by NumPy, or with the expert of its task."""
     env = gym.make(env_id, render_mode="rgb_array")
     observation, _ = env.reset(seed=SEED)
     if policy := POLICIES.get(env_id.partition("/")[2]):

@@ -148,15 +148,19 @@ class InnerControl(Effect):
     @classmethod
     def defaults(cls, scene: Any) -> dict[str, Any]:
         """The other numbers of the mode for a scene."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{cls.__name__} has no usual numbers; write defaults(cls, scene)")
 
     def wanted(self, arm: Arm) -> Wanted:
         """The rates of the joints that the commands want."""
-        raise NotImplementedError
+        raise NotImplementedError(
+            f"{type(self).__name__} does not say which rates its commands want; write wanted(self, arm)"
+        )
 
     def takes(self, arm: Arm, joint: int) -> str:
         """Unit of what the link of a joint takes."""
-        raise NotImplementedError
+        raise NotImplementedError(
+            f"{type(self).__name__} does not say what a command is; write takes(self, arm, joint)"
+        )
 
     def shared_commands(self, arm: Arm) -> tuple[str, ...]:
         return tuple(

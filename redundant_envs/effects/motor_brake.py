@@ -5,7 +5,7 @@ from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Friction, Hook, named
 from redundant_envs.effects.motor_faults import MotorFault
-from redundant_envs.effects.numbers import Example, checked, one, positive, text
+from redundant_envs.effects.numbers import Example, one, positive
 from redundant_envs.language.algebra import physics, where
 
 
@@ -29,22 +29,12 @@ class MotorBrake(MotorFault):
 
     Parameters
     ----------
-    joint : float
-        The joint, counted from 0: a whole number, which may be drawn ("motor_brake.joint").
-    at : float
-        s, not negative: the brake is closed from the first control interval on that begins then or later,
-        counted from the start of the motion or the episode.
     grip : float, default 1000
         Largest torque (N m) or force (N) of the brake, positive. An impact of another joint at a stop moves
         the joint until the grip has stopped it again.
-    name : str, default ""
-        Tells several of a scene apart: "left" makes "motor_brake_left.at".
     """
 
     grip: float = field(default=1000.0, metadata=one(positive, "N m or N"))
-    name: str = field(default="", metadata=checked(text))
-
-    static = ("name",)
     key = named("motor_brake_")
     example = Example({"joint": 1.0, "at": 0.1})
 

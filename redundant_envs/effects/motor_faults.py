@@ -8,7 +8,7 @@ from typing import Any
 from redundant_envs.effects import shapes
 from redundant_envs.effects.disturbances import later, step
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Link, State
-from redundant_envs.effects.numbers import not_negative, number, one
+from redundant_envs.effects.numbers import checked, not_negative, number, one, text
 from redundant_envs.language.algebra import physics, where
 
 
@@ -44,10 +44,24 @@ def index(field: str, value: Any) -> float:
 
 @dataclass(frozen=True)
 class MotorFault(Effect):
-    """Base of faults of one motor, which begin with a control interval and last."""
+    """Base of faults of one motor, which begin with a control interval and last.
+
+    Parameters
+    ----------
+    joint : float
+        The joint, counted from 0: a whole number, which may be drawn ("motor_loss.joint").
+    at : float
+        s, not negative: the fault is there from the first control interval on that begins then or later,
+        counted from the start of the motion or the episode.
+    name : str, default ""
+        Tells several of a scene apart: "left" makes "motor_loss_left.at".
+    """
 
     joint: float = field(metadata=one(index, "1"))
     at: float = field(metadata=one(not_negative, "s"))
+    name: str = field(default="", kw_only=True, metadata=checked(text))
+
+    static = ("name",)
 
     def fitted(self, arm: Arm) -> Effect:
         if not self.joint < (count := len(arm.joints)):

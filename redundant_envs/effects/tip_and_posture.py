@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, cast
 
 from redundant_envs.effects.hooks import Arm, Hook
-from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints
-from redundant_envs.effects.numbers import Example, Numbers, each_axis, each_joint, one, positive, strengths
+from redundant_envs.effects.inner_control import Wanted, of_joints
+from redundant_envs.effects.numbers import Example, Numbers, each_joint, one, positive, strengths
 from redundant_envs.effects.tip_velocity import TipVelocity, gram, scaled_jacobian, towards
 from redundant_envs.language.algebra import entries, numbered, sqrt
 
@@ -61,7 +61,7 @@ def rates_for_both(arm: Any) -> Callable[..., Any]:
 
 
 @dataclass(frozen=True)
-class TipAndPosture(InnerControl):
+class TipAndPosture(TipVelocity):
     """Actions are the velocity of the tip along x and y, in units of ``tip_speeds``, and velocities in the
     null space of its Jacobian, in units of ``posture``: of an arm of four joints, or of three.
 
@@ -75,21 +75,12 @@ class TipAndPosture(InnerControl):
 
     Parameters
     ----------
-    speeds : float or sequence of one for each joint
-        rad/s (revolute) or m/s (prismatic), positive: how the joints share the motion, and the most of it.
-    tip_speeds : float or (float, float)
-        m/s, along x and y, positive.
-    damping : float
-        m/s, positive: of the least squares.
     posture : float
         Length of the rates of the posture, as shares of the speeds; positive.
     direction : float or sequence of one for each joint, optional
         x, as shares of the speeds; of an arm of four joints only.
     """
 
-    speeds: float | Numbers = field(metadata=each_joint(positive, "rad/s", "m/s"))
-    tip_speeds: float | Numbers = field(metadata=each_axis(positive, "m/s"))
-    damping: float = field(metadata=one(positive, "m/s"))
     posture: float = field(metadata=one(positive))
     direction: float | Numbers | None = field(default=None, metadata=each_joint(strengths))
 
@@ -104,7 +95,7 @@ class TipAndPosture(InnerControl):
     def defaults(cls, scene: Any) -> dict[str, Any]:
         arm = scene.robot
         direction = usual_direction(arm) if len(arm.joints) == 4 else None
-        return {**TipVelocity.defaults(scene), "posture": 1.0, "direction": direction}
+        return {**super().defaults(scene), "posture": 1.0, "direction": direction}
 
     def shared_commands(self, arm: Arm) -> tuple[str, ...]:
         return "m/s", "m/s", *[""] * (len(arm.joints) - 2)
@@ -114,9 +105,6 @@ class TipAndPosture(InnerControl):
         numbers = (*(of_joints("direction", n) if n == 4 else ()), *of_joints("speeds", n))
         takes = ("damping", *numbered("command{}", n), *(name for name, _ in numbers), *entries("J", 2, n))
         return Wanted(rates_for_both(cast(Any, type(arm))), takes, numbers)
-
-    def takes(self, arm: Arm, joint: int) -> str:
-        return "m/s"
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         n = len(arm.joints)
