@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -10,6 +10,7 @@ import numpy as np
 
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
+from redundant_envs.support.tables import markdown
 from redundant_envs.support.timing import by_turns, seconds
 from studies.environments import IDS
 from studies.speed import one_core
@@ -59,3 +60,16 @@ def run(lanes: int = 1024, rounds: int = 16) -> list[dict[str, Any]]:
                 env.close()
             done(name)
     return rows
+
+
+def modes_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows of :func:`run`, or of its CSV file: a line for each mode, columns for each arm."""
+    arms = {"4R": "FourR", "RPRP": "RPRP", "2R": "TwoR"}
+    cells = {(r["env"].partition("/")[2].removesuffix("Reach-v0"), r["action"]): r for r in rows}
+    shown = ("ns_per_step", "times_effort", "evaluations")
+    heads = ("action", *(head for arm in arms for head in (f"{arm}, ns", "times effort", "evaluations")))
+    lines = []
+    for mode in MODES:
+        found = [cells.get((kind, mode)) for kind in arms.values()]
+        lines.append((f'`"{mode}"`', *(str(r[c]) if r else "-" for r in found for c in shown)))
+    return markdown(heads, lines, formatted=True)

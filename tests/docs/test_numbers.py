@@ -16,6 +16,7 @@ from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.evidence.table import results_table
 from studies import strength as strength_run
 from studies.ilqr import ilqr_table
+from studies.modes import modes_table
 from studies.redundancy import redundancy_table
 from studies.strength import learner_rows, read_rows
 
@@ -90,6 +91,10 @@ def test_the_table_of_strengths_is_what_the_study_wrote():
 
 def test_the_table_of_experts_is_what_the_study_wrote():
     assert redundancy_table(rows(RESULTS / "redundancy.csv")) in page("control")
+
+
+def test_the_table_of_modes_is_what_the_study_wrote():
+    assert modes_table(rows(RESULTS / "modes.csv")) in page("action_modes")
 
 
 def test_the_table_of_ilqr_is_what_the_study_wrote():
