@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -193,6 +193,11 @@ class Task:
     def start_note(self) -> str:
         """Text of a page about an episode's start, beside the start of the arm."""
         return ""
+
+    def path(self, known: Mapping[str, float]) -> Sequence[tuple[float, float]]:
+        """Points of a line [m] that pictures show, such as the way of a target, from the memory of the task
+        by its names; none by default."""
+        return ()
 
     def aliases(self, scene: Scene) -> dict[str, str]:
         """low<k>, high<k> of the prismatic joints: the parameters that limit their travel."""

@@ -1,18 +1,21 @@
 """Follow a point that moves along a curve with the tip."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from redundant_envs.language.algebra import maximum, physics, saturation, sqrt, squash, tolerance, where
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.tasks.parts.curve import CURVE, TURN, next_phase, point_at, sizes, slope
+from redundant_envs.tasks.parts.curve import CURVE, SHAPE, TURN, next_phase, point_at, point_of, sizes, slope
 from redundant_envs.tasks.reach import ReachTask, terms_of_distance
 
 AHEAD = (4, 8)
 """Control steps: where the target would be then at its present pace is observed."""
 
 
+PATH_POINTS = 96
+"""Parts of a curve in a picture."""
 LONGEST = 1.25
 """Most half lengths from the centre to a point of a curve: cos^2 x + sin^2 2x is 25/16 at most."""
 
@@ -195,6 +198,12 @@ class TrackTask(ReachTask):
                 for a in "xy"
             },
         }
+
+    def path(self, known: Mapping[str, float]) -> list[tuple[float, float]]:
+        """The curve of the target."""
+        shape = [known[name] for name in SHAPE]
+        angles = (TURN * k / PATH_POINTS for k in range(PATH_POINTS + 1))
+        return [point_of(math.sin(a), math.cos(a), *shape) for a in angles]
 
     def success_note(self) -> str:
         return (

@@ -120,6 +120,13 @@ def test_partial_resets_and_states_begin_trails_anew():
         np.testing.assert_allclose(env._renderer.trail(lane), [env.tip[lane]], atol=1e-12)
 
 
+def test_a_picture_shows_the_curve_that_the_target_follows(monkeypatch):
+    env = drawn("redundant_envs/TwoRTrack-v0")
+    shown = env.render()
+    monkeypatch.setattr(type(env.unwrapped.core.task), "path", lambda task, known: ())
+    assert 300 < (env.render() != shown).any(axis=2).sum() < 5000
+
+
 def test_a_picture_is_ones_own_and_a_copy_draws_its_own(face):
     env = drawn(FOUR_R, face)
     picture = images(env)[0]

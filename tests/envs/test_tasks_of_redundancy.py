@@ -62,6 +62,8 @@ def test_curves_are_clear_of_the_discs_and_the_target_runs_along_them():
     env, info = vector("FourRTrackAround", seed=4000)  # four of whose last centres are near a disc
     every = curve(info, np.linspace(0.0, 2 * np.pi, 60)[None])
     assert (gap_of(every, env).min(-1) > 0.03 - 1e-9).all()
+    drawn = env.core.task.path({name: info[name][3] for name in env.core.task.memory if name in info})
+    np.testing.assert_allclose(drawn[::8], curve(info, np.linspace(0.0, 2 * np.pi, 13)[None])[3], atol=1e-12)
     with pytest.raises(ValueError, match=r"options\['goal'\] is given, .* TrackAround computes its goal"):
         env.reset(options={"goal": (0.1, 0.2)})
     start, period, wait, rise = env.goal, 3.0, 1.5, 0.4
