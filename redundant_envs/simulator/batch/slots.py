@@ -160,6 +160,8 @@ class Slots:
         if self.interval.pieces.attempts > 1:
             at_end = at_end.union(*(reads[f.name] for f in (*self.begun, self.doubted, self.settled)))
         self.brought = self._fields(read_in_entry | read_in_slots, in_blocks)
+        self.numbers_brought = self._numbers(read_in_entry | read_in_slots)
+        self.numbers_taken = self._numbers(read_in_slots)
         taken = self._fields(read_in_slots | {self.layout.row_of("complete")}, in_blocks | in_entry)
         self.taken = [*taken, *(n for n in self._fields(in_entry, at_end) if n not in taken)]
         self.returned = self._fields(in_entry | in_slots, at_end)
@@ -168,6 +170,10 @@ class Slots:
         """Fields in some rows: states, and those that are in other rows, too."""
         at = self.layout.places().items()
         return [n for n, row in at if row in rows and (row[0] == STATE or row in and_these)]
+
+    def _numbers(self, rows: set[tuple[str, int]]) -> list[str]:
+        """Parameters in some rows."""
+        return [n for n, row in self.layout.places().items() if row in rows and row[0] == PARAMETER]
 
     def group(self, first: Scalar, end: Scalar) -> None:
         """Take a common step with a group of blocks; lanes that it does not serve wait for a slot."""
@@ -307,7 +313,7 @@ class Slots:
         with p.when(self.next.value < self.last.value):
             seat = self.next.value
             p.store(self.slots.homes, slot, p.load(self.entry.homes, seat))
-            self._bring(self.taken, self.slots, slot, self.entry.pointers, seat)
+            self._bring(self.taken, self.numbers_taken, self.slots, slot, self.entry.pointers, seat)
             self.next.value = self.next.value + 1
             self.free.value = self.free.value & ~p.record("<<", 1, slot)
 
@@ -318,12 +324,19 @@ class Slots:
         self.busy.value = self.busy.value + 1
         self.p.store(seats.homes, seat, lane)
         home, k = self.block(self.blocks.block_of(lane)), self.blocks.in_block(lane)
-        self._bring(self.brought, seats, seat, home.pointers, k)
+        self._bring(self.brought, self.numbers_brought, seats, seat, home.pointers, k)
         self.blocks.store(seats.pointers, seat, "entered", 1.0)
 
-    def _bring(self, names: Sequence[str], seats: LaneBuffer, seat: Any, source: Any, lane: Any) -> None:
-        """Copy fields of a lane to a seat, and its parameters unless all lanes share them."""
-        numbers = [n for n, f in self.layout.fields.items() if f.lifetime is PARAMETER and not f.at_reset]
+    def _bring(
+        self,
+        names: Sequence[str],
+        numbers: Sequence[str],
+        seats: LaneBuffer,
+        seat: Any,
+        source: Any,
+        lane: Any,
+    ) -> None:
+        """Copy fields of a lane to a seat, and parameters unless all lanes share them."""
         self._copy(names, seats.pointers, seat, source, lane)
         with self.p.when(~self.shared):
             self._copy(numbers, seats.pointers, seat, source, lane)
