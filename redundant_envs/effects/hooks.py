@@ -222,12 +222,14 @@ class Friction:
     ``update``, and ``speed``, the size of the rate of the joint; at 0 it is that of static friction. A joint
     that sticks has the rate 0 exactly. When joints stick and slip is located in time, with every integrator.
     Limits in one joint add up. A joint whose limit takes no ``speed`` and is 0, such as that of an open
-    brake, moves as without friction.
+    brake, moves as without friction. ``lock``, of parameters and states, is positive where the joint, once it
+    sticks, is held whatever that takes, by impulses, too.
     """
 
     joint: int
     limit: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
+    lock: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True)

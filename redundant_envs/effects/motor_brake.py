@@ -20,6 +20,17 @@ def grip_at(k: int) -> Callable[..., Any]:
     return limit  # type: ignore[no-any-return]
 
 
+@functools.cache
+def closed_at(k: int) -> Callable[..., Any]:
+    """Whether the brake of joint k, counted from 0, has closed, as 1 or 0."""
+
+    @physics
+    def closed(joint, active):
+        return where(joint == float(k), active, 0.0)
+
+    return closed  # type: ignore[no-any-return]
+
+
 @dataclass(frozen=True)
 class MotorBrake(MotorFault):
     """The motor of one joint gives no effort from a time on, and its brake, dry friction, holds the joint.
@@ -30,8 +41,8 @@ class MotorBrake(MotorFault):
     Parameters
     ----------
     grip : float, default 1000
-        Largest torque (N m) or force (N) of the brake, positive. An impact of another joint at a stop moves
-        the joint until the grip has stopped it again.
+        Torque (N m) or force (N) with which the brake stops the joint, positive. Once that is at rest, the
+        brake holds it whatever that takes, impacts of other joints at their stops included.
     """
 
     grip: float = field(default=1000.0, metadata=one(positive, "N m or N"))
@@ -39,4 +50,5 @@ class MotorBrake(MotorFault):
     example = Example({"joint": 1.0, "at": 0.1})
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return (*self.cuts(arm), *(Friction(k, grip_at(k)) for k in range(len(arm.joints))))
+        brakes = (Friction(k, grip_at(k), lock=closed_at(k)) for k in range(len(arm.joints)))
+        return (*self.cuts(arm), *brakes)

@@ -54,6 +54,7 @@ RULES = {
     "stiffness": Rule(1, May.PARAMETERS),
     "damping": Rule(1, May.OWN_JOINT),
     "limit": Rule(1, May.SPEED),
+    "lock": Rule(1, May.STATES),
     "after": Rule(1, May.PARAMETERS),
     "gap": Rule(1, May.LINK),
     "initial": Rule(1, May.START),
@@ -69,6 +70,7 @@ FUNCTIONS: Mapping[Any, Rule] = {
 """``function`` of hooks."""
 AXES = "function", "conservative"
 SEVERAL = "guard", "kink"  # functions of hooks that may return several values
+STEADY = "limit", "lock"  # functions that must be constant within an interval
 TAKING_DRAWS = "update", "initial"  # functions of states that may take draws
 UNIT = "a unit such as 'V', or '' for that of the command"
 FIELDS: Mapping[str, tuple[Any, str]] = {
@@ -279,11 +281,11 @@ class _Known:
             allowed |= {*self.arm.rates}
         if may in (May.STATES, May.READINGS, May.SPEED):
             free |= {source for source in roots if source.startswith(".")}
-        for state in (self.quantities[source[1:]] for source in free) if may is May.SPEED else ():
+        for state in (self.quantities[source[1:]] for source in free) if field in STEADY else ():
             if state is not None and state.derivative is not None:
                 raise ValueError(
                     f"{field} {name} depends on the state {state.name!r}, which changes within an interval, "
-                    "while a limit must be constant at each speed; give the state an update"
+                    f"while a {field} must be constant at each speed; give the state an update"
                 )
         if may is May.OWN_JOINT:
             free |= {*part.motion}
@@ -338,7 +340,7 @@ class _Known:
         if isinstance(part, hooks.Obstacle):
             return set() if name in hooks.ENDS_OF_LINK else None
         is_time = name == hooks.CONTROL_DT or (name == hooks.ELAPSED and field == "closed")
-        if is_time or (name == hooks.SPEED and isinstance(part, hooks.Friction)):
+        if is_time or (name == hooks.SPEED and field == "limit"):
             return set()
         try:
             return self._roots_of_side(name, field, hook) or roots_of(name, self.arm)

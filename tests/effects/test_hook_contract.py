@@ -40,7 +40,7 @@ FIXED = {
 NEEDS = {
     "kink": ("function",), "guard": ("function",), "potential": ("function",), "stiffness": ("function",),
     "conservative": ("function", "potential"), "damping": ("function",), "by_side": ("function", "guard"),
-    "initial": ("update",), "rate": ("derivative",),
+    "initial": ("update",), "rate": ("derivative",), "lock": ("limit",),
 }  # fmt: skip
 """Functions without which a hook or a state cannot have another one."""
 KINDS = e.Field, e.Force, e.Impulse, e.Actuation, e.Friction, e.Gap, e.Sensing, e.Instant, e.State

@@ -62,22 +62,33 @@ def test_a_brake_does_nothing_before_it_closes_and_then_holds_its_joint_to_the_b
     assert rates.any(axis=0).all()
 
 
-def test_an_impact_passes_through_a_closed_brake_which_then_holds_again():
-    """Friction has no impulse: at the impact of another joint the braked one gets a rate, and slips until its
-    grip has taken that."""
-    effects = e.Gravity(), e.MotorBrake(2, 0.0), stops(RPRP, 0.5)
-    batch, _ = advanced(rde.Scene(RPRP, effects, tolerance=1e-6), [-1.5, 0.1, 0.3, 0.1], np.zeros(4))
-    status = [batch.advance() for _ in range(40)]
-    assert sum(s.events[0] for s in status) > 0
-    slipped = (batch.q @ RPRP.motor_map)[0, 2] - 1.8
-    assert 0.0 < abs(slipped) < 1e-2
-    assert (batch.qd @ RPRP.motor_map)[0, 2] == 0.0
+@pytest.mark.quick("RPRP with its stop")
+@pytest.mark.parametrize(
+    ("arm", "joint", "start"),
+    [
+        (RPRP, 2, [-1.5, 0.1, 0.3, 0.1]), (RPRP, 0, [-1.5, 0.1, 0.3, 0.1]), (RPRP, 1, [-1.5, 0.3, 0.3, 0.1]),
+        (FOUR_R, 2, [-0.5, -0.3, -0.4, -0.2]),
+    ],
+    ids=["RPRP", "RPRP, its first joint", "RPRP with its stop", "4R with stops"],
+)  # fmt: skip
+def test_an_impact_does_not_move_a_joint_that_a_brake_holds(arm, joint, start):
+    hard = (
+        e.JointStop((-2.0, -0.4, -2.0, -0.3), (2.0, 0.4, 2.0, 0.3), 0.5) if arm is FOUR_R else stops(arm, 0.5)
+    )
+    scene = rde.Scene(arm, (e.Gravity(), e.MotorBrake(joint, 0.0), hard), tolerance=1e-6)
+    batch, _ = advanced(scene, start, np.zeros(4), intervals=0)
+    angle = (batch.q @ arm.motor_map)[0, joint]
+    status = [batch.advance([[2.0, -1.0, 0.5, 1.0]]) for _ in range(40)]
+    assert sum(s.events[0] for s in status) > 2
+    assert not any(s.numerics[0] for s in status)
+    assert (batch.qd @ arm.motor_map)[0, joint] == 0.0
+    assert abs((batch.q @ arm.motor_map)[0, joint] - angle) <= 4.0 * np.spacing(np.abs(batch.q).max())
 
 
 @pytest.mark.quick("1e-6")
 @WITH
-def test_impacts_that_a_closed_brake_passes_on_come_to_an_end(how):
-    """One slider strikes, the brake slips, its friction pushes the other slider off its stop, and so on."""
+def test_impacts_beside_a_brake_come_to_an_end(how):
+    """One slider strikes and pushes the other off its stop, and so on."""
     arm = rde.RPRP((0.5,) * 4, (0.25,) * 2)
     scene = rde.Scene(arm, (e.Gravity(), stops(arm, 0.0, 0.0, 0.25), e.MotorBrake(0, 0.0)), **how)
     motion = (0.726, 0.0, -0.707, 0.249), (0.0, 0.0, -3.249, 1.271), (1.3, -31.9, -3.7, -2.3)

@@ -130,6 +130,9 @@ class Boundaries:
         grips = [features.stiction.grip(lane, b.joint) for b in stops]
         touching = [b.contact(lane, grip, lowest) for b, grip in zip(stops, grips, strict=True)]
         w = symmetric(stops, lambda a, b: a.mobility(lane, b))
+        if self.dynamics.locking:  # a locked joint has no mobility, and at its stop needs no impulse
+            for k in range(len(stops)):
+                w[k][k] = where(w[k][k] == 0.0, 1.0, w[k][k])
         r = contacts.resolve_contacts(lane.impacts, touching, w)
         lane.set_where(r.strikes, self._struck(lane, touching, r))
         results = r.active_stops, r.forces, r.released, r.happened, r.speeds

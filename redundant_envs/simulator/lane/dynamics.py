@@ -10,7 +10,7 @@ from redundant_envs.compiler.tracing.graph import owned
 from redundant_envs.effects import hooks
 from redundant_envs.effects.bound_hooks import Attached, EffectStates, field_of
 from redundant_envs.effects.obstacles import clearance_functions
-from redundant_envs.language.algebra import ABSENT, gives_of, numbered, physics, total
+from redundant_envs.language.algebra import ABSENT, any_of, gives_of, numbered, physics, total, where
 from redundant_envs.language.draws import KEY_WORDS, Draw, drawn
 from redundant_envs.language.quantities import Quantities
 from redundant_envs.robots.added_inertia import functions_with, held_functions
@@ -76,6 +76,8 @@ class Dynamics:
         """Dry friction by the numbers of its joints."""
         for a in attached.of(hooks.Friction):
             self.frictions.setdefault(a.hook.joint, []).append(a)
+        self.locking = any(a.hook.lock is not None for a in attached.of(hooks.Friction))
+        """Whether impulses may leave joints that stick at rest."""
         stopped = {a.hook.joint for a in attached.of(hooks.Impact)}
         slips = self.frictions or any(not arm.prismatic[k] for k in stopped)
         self.slipping = tuple(sorted({*self.frictions, *stopped})) if slips else ()
@@ -180,6 +182,17 @@ class Dynamics:
             function = a.functions["limit"]
             limits.append(function.on(speed if n == hooks.SPEED else x[n] for n in function.names))
         return total(limits or [0.0])
+
+    def locked(self, joint: int, x: Quantities) -> Any:
+        """Whether a joint, once it sticks, is held whatever that takes."""
+        locks = (a.functions["lock"](x) for a in self.frictions.get(joint, ()) if "lock" in a.functions)
+        return any_of(lock > 0.0 for lock in locks)
+
+    def rests_locked(self, joint: int, x: Quantities) -> Any:
+        """Whether a joint is held whatever that takes."""
+        if not self.locking:
+            return False
+        return self.locked(joint, x) & (x[f"phid{joint + 1}"] == 0.0)
 
     def slips_freely(self, joint: int, x: Quantities) -> Any:
         """Whether a joint has no friction now: it has none at all, or its limit is 0, whatever the speed."""
@@ -411,9 +424,13 @@ def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
 
 
 def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[Any]:
-    """Change of the velocities by a generalized impulse, M^-1 n: accelerations at rest, without a field."""
-    arm = dynamics.arm
+    """Change of the velocities by a generalized impulse, M^-1 n: accelerations at rest, without a field, where
+    locked joints keep their rates."""
+    arm, functions = dynamics.arm, dynamics.functions
     still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
     still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
-    quantities = Quantities({**numbers_of(dynamics, x), **still}, dynamics.functions, arm.sincos)
+    if dynamics.locking:
+        functions = dynamics.functions_held
+        still |= {f"held{k + 1}": where(dynamics.rests_locked(k, x), 1.0, 0.0) for k in dynamics.slipping}
+    quantities = Quantities({**numbers_of(dynamics, x), **still}, functions, arm.sincos)
     return quantities.each(f"qdd{k + 1}" for k in range(dynamics.count))

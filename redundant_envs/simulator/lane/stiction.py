@@ -29,6 +29,8 @@ TORN_LOOSE = 1.0 + 1e-12
 LOST_IN_LOADS = 1e-14
 """The same of all torques at the joints, and with dry friction of gravity and of what turning takes, which
 nearly cancel where a small friction decides: with none, joints would slip and stick by rounding for ever."""
+HELD_FAST = -1.0
+"""Value of the guard of a joint that sticks and is locked: it never gets to 0."""
 SLIPS_FREELY = -1.0
 """Value of the guard of a joint with a stop and no friction that does not rest: it never gets to 0."""
 
@@ -78,7 +80,10 @@ class StickingJoint(Guard):
         ``held`` if ``x`` has no forces."""
         mode = x[self.side]
         slips = where(self._turns_freely(x), SLIPS_FREELY, -(mode * x[f"phid{self.joint.number}"]))
-        return where(mode == 0.0, self._load(x) if held is None else held[self.name], slips)
+        if held is not None:
+            return where(mode == 0.0, held[self.name], slips)
+        locked = self.dynamics.locked(self.joint.index, x)
+        return where(mode == 0.0, where(locked, HELD_FAST, self._load(x)), slips)
 
     def _load(self, x: Quantities) -> Any:
         """How much the force that holds it exceeds its limit, N m or N."""
@@ -91,23 +96,38 @@ class StickingJoint(Guard):
             load = where(x[self.at] == 0.0, load, x[self.at] * hold)
         return load - (TORN_LOOSE * dynamics.friction_limit(self.joint.index, x, 0.0) + LOST_IN_LOADS * loads)
 
+    def _is_locked(self, lane: Lane) -> Any:
+        """Whether it sticks, and no impulse moves it."""
+        if not self.dynamics.locking:
+            return False
+        return (lane[self.side] == 0.0) & self.dynamics.locked(self.joint.index, self._known(lane))
+
     def _turns_freely(self, x: Quantities) -> Any:
         """Whether nothing changes where its rate passes 0: it has no friction; a stop is met as a position.
 
-        Not so if it has a stop, and another joint friction: at an impact that one slips for an instant, and
-        its friction pushes others off their stops, which strike then. A turn at the stop ends the series.
+        Not so if it has a stop, and another joint friction: at an impact that one slips for an instant unless
+        it is locked, and its friction pushes others off their stops, which strike then. A turn at the stop
+        ends the series.
         """
-        joints = {self.joint.index} if self.travel is None else {self.joint.index, *self.dynamics.frictions}
-        return all_of(self.dynamics.slips_freely(k, x) for k in sorted(joints))
+        dynamics, own = self.dynamics, self.joint.index
+        joints = {own} if self.travel is None else {own, *dynamics.frictions}
+        return all_of(
+            dynamics.slips_freely(k, x) | (k != own and dynamics.rests_locked(k, x)) for k in sorted(joints)
+        )
 
     # ---- what a lane does with it --------------------------------------------------------------------
 
     def _never_rests(self, lane: Lane) -> Any:
         """Whether it cannot rest where it is: it turns freely, and is at no stop."""
-        x = quantities_of_arm(self.dynamics, lane)
-        x.update(lane.values(self.dynamics.effect_states.updated))
+        x = self._known(lane)
         free = True if self.travel is None else self.travel.side_touched(lane) == 0.0
         return free & self._turns_freely(x)
+
+    def _known(self, lane: Lane) -> Quantities:
+        """What limits and locks follow from, in the present state."""
+        x = quantities_of_arm(self.dynamics, lane)
+        x.update(lane.values(self.dynamics.effect_states.updated))
+        return x
 
     def _mode(self, lane: Lane, rate: Any) -> Any:
         """With a rate it slips that way; without one it sticks, unless forces object."""
@@ -141,9 +161,12 @@ class StickingJoint(Guard):
         now[joint.coordinate] = where(sticks, position, now[joint.coordinate])
 
     def strike(self, lane: Lane, strikes: Any) -> None:
-        """After impulses: without a rate it is decided anew."""
+        """After impulses: without a rate it is decided anew, unless it is locked."""
+        locked = self._is_locked(lane)
+        still = self.joint.own_value(0.0, lane, self.dynamics.arm.rates)
+        lane[self.joint.rate] = where(locked, still, lane[self.joint.rate])
         position, rate = self.joint.motion(lane)
-        mode = self._mode(lane, rate)
+        mode = where(locked, 0.0, self._mode(lane, rate))
         lane[self.side] = where(strikes, mode, lane[self.side])
         self._come_to_rest(lane, position, strikes & (mode == 0.0))
 
@@ -242,8 +265,8 @@ class Stiction(NoStiction):
             lane[f"pull_{name}"] = value
 
     def strike(self, lane: Lane, strikes: Any, going_on: Any) -> Any:
-        """Friction is bounded, so it has no impulse: joints that stuck get rates like all others; then the
-        forces are those of the modes before."""
+        """Friction is bounded, so it has no impulse: joints that stuck get rates like all others, unless they
+        are locked; then the forces are those of the modes before."""
         for j in self.joints:
             j.strike(lane, strikes)
         return going_on & logical_not(strikes)

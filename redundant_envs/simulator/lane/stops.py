@@ -179,6 +179,8 @@ class TravelStop(Impacting):
         return self.travel.limits(lane)
 
     def pushed(self, lane: Lane, x: Quantities) -> Sequence[Any]:
+        if self.dynamics.locking:
+            return response(self.dynamics, self.travel.shares, x)
         return x.each(f"W{k + 1}{self.number}" for k in range(self.dynamics.count))
 
     def at_stage(self, x: Quantities) -> Any:
