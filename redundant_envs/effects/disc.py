@@ -95,8 +95,8 @@ def depth_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
 
 @physics
 def gap_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
-    """-depth_of_link, with one reciprocal for all discs of a scene in place of two divisions for each: a watch
-    asks for it many times in a step."""
+    """-depth_of_link, with one reciprocal for all discs of a scene in place of two divisions for each: the
+    watch of a step needs many gaps."""
     ux, uy = xb - xa, yb - ya
     per_square = 1.0 / (ux * ux + uy * uy + TINY)
     dx, dy = xa - centre_x, ya - centre_y

@@ -126,7 +126,8 @@ def test_a_row_of_the_page_takes_steps(name):
 @pytest.mark.parametrize("name", CLASSES)
 def test_hyperparameters_are_those_of_the_presets(name):
     algos = ("ppo",) if "ppo" in name else ("sac", "her")
-    presets_of = {config.env: config for config in map(load, PRESETS) if config.algo in algos}
+    configs = (config for config in map(load, PRESETS) if config.env.endswith("Reach-v0"))
+    presets_of = {config.env: config for config in configs if config.algo in algos}
     given = yaml.safe_load((ROOT / "configs" / "zoo" / f"{name}.yml").read_text(encoding="utf-8"))
     assert given.keys() == presets_of.keys()
     for env, found in given.items():

@@ -424,8 +424,8 @@ def numbers_of(dynamics: Dynamics, x: Any) -> dict[str, Any]:
 
 
 def response(dynamics: Dynamics, impulse: Sequence[Any], x: Quantities) -> list[Any]:
-    """Change of the velocities by a generalized impulse, M^-1 n: accelerations at rest, without a field, where
-    locked joints keep their rates."""
+    """Change of the velocities by a generalized impulse, M^-1 n: accelerations at rest, without a field.
+    Locked joints have none."""
     arm, functions = dynamics.arm, dynamics.functions
     still = {q: x[q] for q in arm.coordinates} | dict.fromkeys(arm.rates, 0.0) | {"ax": ABSENT, "ay": ABSENT}
     still |= {f"Q{k + 1}": push for k, push in enumerate(impulse)}
