@@ -367,9 +367,9 @@ class Randomized:
 
     def fields(self) -> Iterator[Variable]:
         """Fields of the lanes: what the draws follow from, and draws of an episode."""
-        yield from variables(self.numbers(), "of the range of a number", PARAMETER, at_reset=True)
+        yield from variables(self.numbers(), "of the range of a number", PARAMETER)
         doc = "whether an option of a reset has set the number, which then is not drawn"
-        yield from variables(map(fixed, self.entries), doc, PARAMETER, truth=True, at_reset=True)
+        yield from variables(map(fixed, self.entries), doc, PARAMETER, truth=True)
         for _, draws in self.streams():
             yield from variables(draws, "uniform draw in (0, 1)")
 

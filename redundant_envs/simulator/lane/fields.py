@@ -35,7 +35,6 @@ class Variable:
     lifetime: Lifetime
     truth: bool = False  # whether it holds a condition, as 1 or 0
     book: bool = False  # whether it is a record of the motion, which does not depend on it
-    at_reset: bool = False  # whether only the beginning of an episode reads it
     owner: str = ENGINE  # who has given it its name
 
     @property
