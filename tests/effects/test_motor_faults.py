@@ -62,27 +62,52 @@ def test_a_brake_does_nothing_before_it_closes_and_then_holds_its_joint_to_the_b
     assert rates.any(axis=0).all()
 
 
-@pytest.mark.quick("RPRP with its stop")
+HARD = e.JointStop((None, -0.4, None, -0.3), (None, 0.4, None, 0.3), 0.5)
+
+
 @pytest.mark.parametrize(
-    ("arm", "joint", "start"),
+    ("arm", "joint", "start", "hard"),
     [
-        (RPRP, 2, [-1.5, 0.1, 0.3, 0.1]), (RPRP, 0, [-1.5, 0.1, 0.3, 0.1]), (RPRP, 1, [-1.5, 0.3, 0.3, 0.1]),
-        (FOUR_R, 2, [-0.5, -0.3, -0.4, -0.2]),
+        (RPRP, 2, [-1.5, 0.1, 0.3, 0.1], stops(RPRP)), (RPRP, 1, [-1.5, 0.3, 0.3, 0.1], stops(RPRP)),
+        (FOUR_R, 2, [-0.5, -0.3, -0.4, -0.2], HARD),
     ],
-    ids=["RPRP", "RPRP, its first joint", "RPRP with its stop", "4R with stops"],
+    ids=["RPRP", "RPRP at its stop", "4R"],
 )  # fmt: skip
-def test_an_impact_does_not_move_a_joint_that_a_brake_holds(arm, joint, start):
-    hard = (
-        e.JointStop((-2.0, -0.4, -2.0, -0.3), (2.0, 0.4, 2.0, 0.3), 0.5) if arm is FOUR_R else stops(arm, 0.5)
-    )
+def test_an_impact_does_not_move_a_joint_that_a_brake_holds(arm, joint, start, hard):
     scene = rde.Scene(arm, (e.Gravity(), e.MotorBrake(joint, 0.0), hard), tolerance=1e-6)
     batch, _ = advanced(scene, start, np.zeros(4), intervals=0)
-    angle = (batch.q @ arm.motor_map)[0, joint]
+    place = (batch.q @ arm.motor_map)[0, joint]
     status = [batch.advance([[2.0, -1.0, 0.5, 1.0]]) for _ in range(40)]
     assert sum(s.events[0] for s in status) > 2
     assert not any(s.numerics[0] for s in status)
     assert (batch.qd @ arm.motor_map)[0, joint] == 0.0
-    assert abs((batch.q @ arm.motor_map)[0, joint] - angle) <= 4.0 * np.spacing(np.abs(batch.q).max())
+    assert abs((batch.q @ arm.motor_map)[0, joint] - place) <= 4.0 * np.spacing(np.abs(batch.q).max())
+
+
+@pytest.mark.parametrize(
+    ("arm", "types", "start", "hard"),
+    [(FOUR_R, "RRR", [-0.5, -0.3, -0.4, -0.2], HARD), (RPRP, "PRP", [-1.5, 0.1, 0.3, 0.1], stops(RPRP))],
+    ids=["4R", "RPRP"],
+)
+def test_an_arm_whose_first_joint_is_braked_is_one_with_a_joint_less_impacts_included(
+    arm, types, start, hard
+):
+    """Its axes are turned so that +x is along the first link."""
+    less, turn = rde.Chain(types, arm.masses[1:], arm.lengths[1:]), start[0]
+    ends = e.JointStop(HARD.lower[1:], HARD.upper[1:], 0.5) if arm is FOUR_R else stops(less)
+    gravity = e.Gravity(down=(-np.sin(turn), -np.cos(turn)))
+    angles = turn * np.array([name.startswith("theta") for name in less.coordinates])
+    braked, _ = advanced(
+        rde.Scene(arm, (e.Gravity(), e.MotorBrake(0, 0.0), hard), tolerance=1e-9), start, [0.0] * 4
+    )
+    other, _ = advanced(rde.Scene(less, (gravity, ends), tolerance=1e-9), start[1:] - angles, [0.0] * 3)
+    impacts = 0
+    for efforts in np.random.default_rng(5).uniform(-0.2, 0.2, (30, 4)) * FULL:
+        status = braked.advance(efforts[None]), other.advance(efforts[None, 1:])
+        assert not any(s.numerics[0] for s in status)
+        impacts += status[0].events[0]
+        np.testing.assert_allclose(braked.q[0, 1:] - angles, other.q[0], rtol=0.0, atol=1e-12)
+    assert impacts > 5
 
 
 @pytest.mark.quick("1e-6")
