@@ -1,7 +1,6 @@
 """The classes behind the ids, created when they are requested; their pages are generated from the code."""
 
 import contextlib
-import dataclasses
 import functools
 import importlib
 import inspect
@@ -131,7 +130,7 @@ def task_table(task: Task) -> str:
     """Numbers of the task, with the sentences of its docstring."""
     sentences = meanings(type(task))
     rows = []
-    for name in (field.name for field in dataclasses.fields(task)):
+    for name in task.numbers():
         low, high = task.ranges.get(name, (0.0, math.inf))
         allowed = "positive" if high == math.inf else f"above 0, at most {high:g}"
         allowed = f"{low:g} to {high:g}" if low != 0.0 else allowed

@@ -1,6 +1,5 @@
 """Tasks of the arms. A new task is one file here, with the name of the task."""
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,7 +24,7 @@ def make_task(task: Mapping[str, Any] | None, name: str, terminate_on_touch: boo
     """The task of a name, with the numbers of the keyword argument; a "type" in it must be the same name.
     ``terminate_on_touch`` sets the field of that name in a task that has it, unless it is None."""
     kind = REGISTRY[name]
-    valid = [field.name for field in dataclasses.fields(kind)]
+    valid = kind.numbers()
     if terminate_on_touch is not None and truth(TOUCH, terminate_on_touch) and TOUCH not in valid:
         raise ValueError(f"{TOUCH} is True, and {name} has no obstacles that end it; leave it out")
     task = {} if task is None else task

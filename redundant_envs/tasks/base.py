@@ -11,7 +11,7 @@ from redundant_envs.language.algebra import clamp, gives_of, maximum, minimum, p
 from redundant_envs.robots.arm import Arm
 from redundant_envs.robots.parameters import between, number
 from redundant_envs.scenes.scene import Scene
-from redundant_envs.support.values import plain_data, truth
+from redundant_envs.support.values import plain_data, shown, truth
 
 Function = Callable[..., Any]
 
@@ -90,6 +90,8 @@ class Task:
     units : mapping of str to str, default those of the two numbers above
         Numbers -> their units; a subclass adds its own to ``Task.units``. The page of an environment shows
         them beside the sentences under "Parameters".
+    unused : tuple of str, default ()
+        Numbers of its base class that mean nothing in this task, and that nobody can give.
     ranges : mapping of str to (float, float), default {}
         Numbers -> the least and the largest value allowed. A number that is not named may have any positive
         value; 0 is allowed only where negative values are.
@@ -123,12 +125,20 @@ class Task:
     baseline: ClassVar[str] = "redundant_envs.control.computed_torque:ComputedTorque"
     speed_bound_ends: ClassVar[bool] = True
     units: ClassVar[Mapping[str, str]] = {"start_angle": "rad", "speed_bound": "rad/s or m/s"}
+    unused: ClassVar[tuple[str, ...]] = ()
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
+
+    @classmethod
+    def numbers(cls) -> list[str]:
+        """Names of what a user may give."""
+        return [field.name for field in dataclasses.fields(cls) if field.name not in cls.unused]
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             where = f"{type(self).__name__}.{field.name}"
             argument: Any = getattr(self, field.name)
+            if field.name in self.unused and argument != field.default:
+                raise ValueError(f"{where} is {shown(argument)}; it means nothing in this task: leave it out")
             if isinstance(field.default, bool):
                 truth(where, argument)
                 continue
@@ -142,8 +152,7 @@ class Task:
 
     def parameters(self) -> dict[str, float]:
         """Numbers of the task, per environment."""
-        fields = (f.name for f in dataclasses.fields(self) if f.name not in self.static)
-        return {name: float(getattr(self, name)) for name in fields}
+        return {name: float(getattr(self, name)) for name in self.numbers() if name not in self.static}
 
     def functions(self, scene: Scene) -> tuple[Function, ...]:
         """The task's quantities for the arm of a scene, those of the reward included."""

@@ -19,6 +19,7 @@ class GoalReachAroundTask(ReachAroundTask):
 
     terminate_on_touch: bool = True
 
+    unused = (*ReachAroundTask.unused, "clear_margin")
     name = "GoalReachAround"
     steps = 150
     goal_conditioned = True

@@ -222,7 +222,7 @@ class ReachTask(Task):
     labels = {"touched_new": "touch_success"}
     held_outputs: ClassVar[tuple[str, ...]] = ("is_success", "touched_new")
     angles = {"goal_angle": ("goal_s", "goal_c")}
-    goal_functions = (goal_error, goal_reward)
+    goal_functions: ClassVar[tuple[Callable[..., Any], ...]] = (goal_error, goal_reward)
     weights: ClassVar[tuple[float, float, float]] = (0.25, 0.25, 0.36)
     """Of the terms of the reward that fall with the distance: far, near and precise."""
     units = {

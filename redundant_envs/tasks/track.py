@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from redundant_envs.language.algebra import maximum, physics, saturation, sqrt, squash, tolerance, where
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.tasks.parts.curve import CURVE, SHAPE, TURN, next_phase, point_at, point_of, sizes, slope
-from redundant_envs.tasks.reach import ReachTask, terms_of_distance
+from redundant_envs.tasks.reach import ReachTask, goal_error, terms_of_distance
 
 AHEAD = (4, 8)
 """Control steps: where the target would be then at its present pace is observed."""
@@ -140,6 +140,8 @@ class TrackTask(ReachTask):
         **{f"ahead{k}": (f"ahead{k}_s", f"ahead{k}_c") for k in range(1, len(AHEAD) + 1)},
     }  # fmt: skip
     weights = (0.2, 0.26, 0.4)
+    goal_functions = ()
+    unused: ClassVar[tuple[str, ...]] = ("inner", "outer", "goal_tolerance", "hold_speed", "hold_steps")
     units = {
         **ReachTask.units,
         **dict.fromkeys(("spread", "smallest", "largest", "track_tolerance"), "reaches"),
@@ -173,7 +175,7 @@ class TrackTask(ReachTask):
     def functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         numbers = range(1, len(AHEAD) + 1)
         return (
-            *super().functions(scene), next_phase, point_at("moved", "next_s", "next_c"), slope,
+            *super().functions(scene), goal_error, next_phase, point_at("moved", "next_s", "next_c"), slope,
             observed_slope, phases_ahead, *map(observed_ahead, numbers),
             *(point_at(f"ahead{k}", f"ahead{k}_s", f"ahead{k}_c") for k in numbers),
         )  # fmt: skip

@@ -89,6 +89,7 @@ class TrackAroundTask(AmongObstacles, TrackTask):
     held_outputs = (*AmongObstacles.held_outputs, "lost")
     failures = {**AmongObstacles.failures, **TrackTask.failures}
     weights = (0.18, 0.22, 0.36)
+    unused = (*TrackTask.unused, *AmongObstacles.unused, "spread")
     units = {
         **TrackTask.units, **AmongObstacles.units,
         **dict.fromkeys(("near", "far", "goal_margin"), "reaches"),

@@ -11,6 +11,10 @@ import redundant_envs as rde
 from redundant_envs.control import holding
 from redundant_envs.effects.hooks import snake_case
 from redundant_envs.envs.named import meanings
+from redundant_envs.envs.registration import scene_of
+from redundant_envs.simulator.batch.environment import EnvironmentKernel
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.episode import Episode
 from redundant_envs.tasks import OWN
 from redundant_envs.tasks.parts.draws import first_that_fits
 
@@ -257,8 +261,15 @@ def test_discs_with_contact_and_half_planes_are_obstacles_of_the_same_tasks():
 
 
 @pytest.mark.parametrize("name", sorted(OWN))
-def test_numbers_of_tasks_have_units_and_sentences(name):
+def test_numbers_of_tasks_have_units_and_sentences_and_something_reads_them(name):
     task, sentences = OWN[name](), meanings(OWN[name])
-    for field in dataclasses.fields(task):
-        assert field.name in sentences
-        assert field.name in task.units or field.name in task.static
+    assert {*task.numbers()} <= sentences.keys()
+    assert {*task.numbers()} <= {*task.units, *task.static}
+    kernel = EnvironmentKernel(Episode(Dynamics(rde.load_scene(scene_of("FourR", name))), task), 8)
+    layout, read = kernel.blocks.layout, set().union(kernel.blocks.read, *kernel.blocks.reads.values())
+    assert not [number for number in task.parameters() if layout.row_of(number) not in read]
+    for number in task.unused:
+        with pytest.raises(ValueError, match=rf"\.{number} is 0.625; it means nothing in this task"):
+            OWN[name](**{number: 0.625})
+        with pytest.raises(ValueError, match=f"the unknown key '{number}'"):
+            gym.make(f"redundant_envs/FourR{name}-v0", task={number: 0.625})

@@ -113,6 +113,7 @@ class AmongObstacles(ReachTask):
     terminate_on_touch: bool = False
 
     static = ("terminate_on_touch",)
+    unused: ClassVar[tuple[str, ...]] = ("start_angle",)
     memory: ClassVar[tuple[str, ...]] = (*ReachTask.memory, "struck")
     updates = {**ReachTask.updates, "struck": "struck_new"}
     metrics: ClassVar[tuple[str, ...]] = (*ReachTask.metrics, "struck_new", "cost", "clearance")
