@@ -34,7 +34,7 @@ from studies.strength import figure, read_rows
 BRIEF = {
     "environment": "environment", "learner": "learner", "seeds": "seeds",
     "goals held, median seed": "hold, median", "worst seed": "hold, worst seed",
-    "computed torque": "hold of computed torque", "training on one core": "training, s",
+    "expert": "hold of the expert", "training on one core": "training, s",
 }  # fmt: skip
 """Columns of the table of the README, and those of all results that they show."""
 ROOT = Path(__file__).resolve().parents[2]

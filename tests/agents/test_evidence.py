@@ -139,11 +139,11 @@ def test_a_row_has_median_worst_and_interquartile_mean_of_its_seeds(tmp_path):
 @pytest.mark.parametrize(
     ("holds", "verdict"),
     [
-        ([0.98, 0.99, 0.995], "computed torque holds more"),
+        ([0.98, 0.99, 0.995], "the expert holds more"),
         ([0.994, 0.995, 0.995], "no difference beyond chance"),
         ([0.99, 0.995, 1.0], "no difference beyond chance"),
         ([1.0, 1.0, 0.996], "the learner holds more"),
-        ([1.0, 1.0, 1.0, 0.994], "the learner holds more (computed torque holds more in 1 of 4 seeds)"),
+        ([1.0, 1.0, 1.0, 0.994], "the learner holds more (the expert holds more in 1 of 4 seeds)"),
     ],
 )  # fmt: skip
 def test_a_loss_beyond_chance_is_named(tmp_path, holds, verdict):

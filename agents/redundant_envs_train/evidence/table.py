@@ -12,10 +12,10 @@ from ..statistics import CHANCE, MIN_RUNS, interquartile_mean, run_interval, sig
 from .runs import Group, read_groups
 
 MEASURES = ("time_to_hold", "effort", "smoothness")
-"""Compared with computed torque, whose entries have the prefix "expert_"."""
+"""Compared with the expert of the task, whose entries have the prefix "expert_"."""
 COMPARISON = (
-    "environment", "learner", "time to hold, s", "... of computed torque", "effort",
-    "... of computed torque", "smoothness", "... of computed torque", "machine",
+    "environment", "learner", "time to hold, s", "... of the expert", "effort",
+    "... of the expert", "smoothness", "... of the expert", "machine",
 )  # fmt: skip
 UNKNOWN = "-"
 
@@ -52,7 +52,7 @@ def results_of(same: Group) -> dict[str, str]:
         "environment": same.title, "learner": same.learner, "seeds": str(len(same.runs)),
         "hold, median": _percent(same, hold), "hold, worst seed": _percent(same, hold and [min(hold)]),
         "hold, IQM [95 % interval]": f"{middle} [{interval}]" if len(hold) > 1 else UNKNOWN,
-        "hold of computed torque": _percent(same, same.numbers("expert_hold_success")),
+        "hold of the expert": _percent(same, same.numbers("expert_hold_success")),
         "hold compared": _holds_more(same), "touch, median": _percent(same, same.numbers("touch_success")),
         "steps, millions": taken, "training, s": _number(same.numbers("train_seconds")),
         "steps per s": _number(speeds),
@@ -70,9 +70,9 @@ def _holds_more(same: Group) -> str:
     if sign_test(missed, others) >= CHANCE:
         return "no difference beyond chance"
     if missed > others:
-        return "computed torque holds more"
+        return "the expert holds more"
     lost = int((hold < expert).sum())
-    more = f" (computed torque holds more in {lost} of {len(hold)} seeds)" if lost else ""
+    more = f" (the expert holds more in {lost} of {len(hold)} seeds)" if lost else ""
     return f"the learner holds more{more}"
 
 
