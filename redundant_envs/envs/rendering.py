@@ -135,7 +135,6 @@ class Canvas:
         """A line through points (n, 2) that fades towards the first; width in pixels. All its segments are
         drawn at once: along the longer of its two directions a segment has a pixel for each column, and
         across a few rows. Where segments overlap the stronger one shows."""
-        points = points.reshape(-1, 2)
         points = points[np.isfinite(points).all(axis=1)]
         if len(points) < 2:
             return
@@ -477,8 +476,11 @@ class Renderer:
         scenery = self._drawing.surroundings(own_arm, q, known)
         # Environments with other lengths are drawn to the same scale, unless theirs are larger.
         canvas = self._drawing.begun(scenery, reach, least=core.reach if np.isfinite(core.reach) else 0.0)
-        memory = dict(zip(core.task.memory, read(core.task.memory).tolist(), strict=True))
-        canvas.trail(np.asarray(core.task.path(memory)), 2.0, palette.GOAL, faint=0.4, strong=0.4)
+        memory = core.task.memory and dict(
+            zip(core.task.memory, read(core.task.memory).tolist(), strict=True)
+        )
+        path = np.asarray(core.task.path(memory or {}))
+        canvas.trail(path.reshape(-1, 2), 2.0, palette.GOAL, faint=0.4, strong=0.4)
         canvas.trail(self.trail(lane), 3.0, palette.TRAIL, faint=0.15, strong=0.9)
         self._drawing.arm(canvas, own_arm, q, known, scenery)
         canvas.disc(base, 9.0, palette.JOINT)

@@ -24,6 +24,13 @@ class LaneBuffer(NamedTuple):
     homes: Scalar  # the address of the numbers of its lanes
 
 
+class Brought(NamedTuple):
+    """What a lane brings to a seat."""
+
+    fields: list[str]
+    numbers: list[str]  # parameters, unless all lanes share them
+
+
 class Slots:
     """Local time stepping: lanes that the common step does not serve go through slots, a block at a time.
     With boundaries they first begin together, in a block in front: slots become free singly."""
@@ -159,11 +166,11 @@ class Slots:
         at_end = reads[self.ended.name] | {self.layout.row_of("fault")}
         if self.interval.pieces.attempts > 1:
             at_end = at_end.union(*(reads[f.name] for f in (*self.begun, self.doubted, self.settled)))
-        self.brought = self._fields(read_in_entry | read_in_slots, in_blocks)
-        self.numbers_brought = self._numbers(read_in_entry | read_in_slots)
-        self.numbers_taken = self._numbers(read_in_slots)
+        read_in_entry |= read_in_slots
+        self.brought = Brought(self._fields(read_in_entry, in_blocks), self._numbers(read_in_entry))
         taken = self._fields(read_in_slots | {self.layout.row_of("complete")}, in_blocks | in_entry)
-        self.taken = [*taken, *(n for n in self._fields(in_entry, at_end) if n not in taken)]
+        taken += [n for n in self._fields(in_entry, at_end) if n not in taken]
+        self.taken = Brought(taken, self._numbers(read_in_slots))
         self.returned = self._fields(in_entry | in_slots, at_end)
 
     def _fields(self, rows: set[tuple[str, int]], and_these: set[tuple[str, int]]) -> list[str]:
@@ -313,7 +320,7 @@ class Slots:
         with p.when(self.next.value < self.last.value):
             seat = self.next.value
             p.store(self.slots.homes, slot, p.load(self.entry.homes, seat))
-            self._bring(self.taken, self.numbers_taken, self.slots, slot, self.entry.pointers, seat)
+            self._bring(self.taken, self.slots, slot, self.entry.pointers, seat)
             self.next.value = self.next.value + 1
             self.free.value = self.free.value & ~p.record("<<", 1, slot)
 
@@ -324,22 +331,14 @@ class Slots:
         self.busy.value = self.busy.value + 1
         self.p.store(seats.homes, seat, lane)
         home, k = self.block(self.blocks.block_of(lane)), self.blocks.in_block(lane)
-        self._bring(self.brought, self.numbers_brought, seats, seat, home.pointers, k)
+        self._bring(self.brought, seats, seat, home.pointers, k)
         self.blocks.store(seats.pointers, seat, "entered", 1.0)
 
-    def _bring(
-        self,
-        names: Sequence[str],
-        numbers: Sequence[str],
-        seats: LaneBuffer,
-        seat: Any,
-        source: Any,
-        lane: Any,
-    ) -> None:
-        """Copy fields of a lane to a seat, and parameters unless all lanes share them."""
-        self._copy(names, seats.pointers, seat, source, lane)
+    def _bring(self, what: Brought, seats: LaneBuffer, seat: Any, source: Any, lane: Any) -> None:
+        """Copy fields of a lane to a seat."""
+        self._copy(what.fields, seats.pointers, seat, source, lane)
         with self.p.when(~self.shared):
-            self._copy(numbers, seats.pointers, seat, source, lane)
+            self._copy(what.numbers, seats.pointers, seat, source, lane)
 
     def leave(self, slot: Scalar, first: Scalar) -> None:
         """Return a lane that has crossed its interval to its block; ``first`` begins the present group."""
