@@ -18,8 +18,8 @@ from redundant_envs.language.algebra import (
     tolerance,
     where,
 )
-from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import Scene
+from redundant_envs.tasks.base import hard_stops
 from redundant_envs.tasks.reach import ReachTask, end_term, rate_term, success
 
 AT_STOP = 1e-3
@@ -39,16 +39,19 @@ def largest_effort(joints: int) -> Callable[..., Any]:
     return largest_effort
 
 
-def loads_at_rest(arm: Arm, limits: tuple[str, ...]) -> list[Callable[..., Any]]:
+def loads_at_rest(scene: Scene, limits: tuple[str, ...]) -> list[Callable[..., Any]]:
     """They give ``rest<k>``: the effort with which motor k would hold the present pose against gravity, as a
-    share of its limit. A slider at a stop leans on it."""
+    share of its limit. A slider at a hard stop leans on it."""
+    arm, stops = scene.robot, {joint: ends for joint, *ends in hard_stops(scene)}
     shares = np.linalg.inv(np.asarray(arm.motor_map, float))  # t = B^-1 G
-    return [_load_at_rest(k, shares[k], limit, bool(arm.prismatic[k])) for k, limit in enumerate(limits)]
+    places = [
+        [f"phi{k + 1}", *stops[k]] if arm.prismatic[k] and k in stops else [] for k in range(len(limits))
+    ]
+    return [_load_at_rest(k, shares[k], limit, places[k]) for k, limit in enumerate(limits)]
 
 
-def _load_at_rest(joint: int, shares: Any, limit: str, slides: bool) -> Callable[..., Any]:
+def _load_at_rest(joint: int, shares: Any, limit: str, place: list[str]) -> Callable[..., Any]:
     terms = [(float(share), f"G{j + 1}") for j, share in enumerate(shares) if share]
-    place = [f"{name}{joint + 1}" for name in ("phi", "low", "high")] if slides else []
 
     @physics(gives=f"rest{joint + 1}", takes=(*(name for _, name in terms), limit, *place))
     def load_at_rest(*values: Any) -> Any:
@@ -145,7 +148,7 @@ class ReachLightTask(ReachTask):
                 "give a scene whose commands are efforts, without DCMotor"
             )
         return (
-            *super().functions(scene), largest_effort(joints), *loads_at_rest(scene.robot, limits),
+            *super().functions(scene), largest_effort(joints), *loads_at_rest(scene, limits),
             observed_loads(joints), largest_at_rest(joints),
         )  # fmt: skip
 

@@ -146,6 +146,18 @@ def test_loads_at_rest_are_the_efforts_that_hold_the_pose(arm):
         np.testing.assert_allclose(info["load_at_rest"], expected, rtol=1e-9, atol=1e-12)
 
 
+def test_a_slider_does_not_lean_on_the_end_of_a_spring():
+    scene = rde.load_scene("rprp_reach")
+    arm, q = scene.robot, np.array([-1.5, 0.25, 0.3, 0.25])
+    springs = [rde.effects.LimitSpring(arm.joints[k], 0.0, 0.25, 800.0, 10.0) for k in arm.sliders()]
+    others = [effect for effect in scene.effects if not isinstance(effect, rde.effects.PrismaticStop)]
+    env, _ = vector("RPRPReachLight", 1, scene=dataclasses.replace(scene, effects=(*others, *springs)))
+    limits = [env.scene.parameters()[unit] for unit in env.scene.action_units()]
+    efforts = np.linalg.solve(arm.motor_map, arm.gravity_forces(q))
+    load = env.reset(options={"q": q[None]})[1]["load_at_rest"][0]
+    assert load == pytest.approx(np.abs(efforts / limits).max(), rel=1e-9)
+
+
 def test_a_goal_is_held_only_while_every_motor_is_light():
     """Without gravity an arm at its goal holds it; a motor beyond the share is heavy, and begins anew."""
     scene = rde.load_scene("four_r_reach").to_dict()
