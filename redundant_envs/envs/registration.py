@@ -302,8 +302,8 @@ def register_task(task: type[Task], scenes: Mapping[str, Given] | None = None) -
         _check_scene(f"scenes[{arm!r}]", load_scene(scene), arm)
     _add("the task", tasks.REGISTRY, task.name, task)
     TASKS[task.name] = task.steps
-    if scenes is not None:
-        PAIR_SCENES["the task", task.name] = plain_data(dict(scenes))
+    if scenes is not None or task.name not in tasks.OWN:
+        PAIR_SCENES["the task", task.name] = plain_data(dict(scenes or {}))
     register()
 
 

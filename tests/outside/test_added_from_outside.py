@@ -102,7 +102,7 @@ def test_a_pair_of_arm_and_task_has_a_scene_of_its_own_and_a_task_the_length_of_
         made.reset(seed=0)
         ends = [made.step(0.0 * made.action_space.sample())[3].all() for _ in range(steps)]
         assert ends == [False] * (steps - 1) + [True]
-    rde.register_task(AmongTask, {})
+    rde.register_task(AmongTask)
     assert gym.spec("redundant_envs/FourRReachAmong-v0").kwargs["scene"] == "four_r_reach"
     assert gym.spec(arm_among).kwargs["scene"] == discs
     rde.register_arm(three_r.ThreeR, three_r.SCENE)
