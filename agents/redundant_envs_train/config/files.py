@@ -1,6 +1,7 @@
 """Configurations in files and on the command line: YAML, dotted overrides, help and completion."""
 
 import copy
+import difflib
 import functools
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -27,8 +28,13 @@ def preset_path(path: str | Path) -> Path:
     if exists(file) and not (file.is_dir() and exists(preset)):
         return file
     if not exists(preset):
-        others = f"the presets are {', '.join(presets())}; or give env=ID, such as env=RPRPReach-v0"
-        raise ValueError(f"config is {shown(str(path))}; there is no such file, and {others}")
+        every = presets()
+        near = difflib.get_close_matches(str(path)[:100], every, 4, 0.0)
+        raise ValueError(
+            f"config is {shown(str(path))}; there is no such file, and the presets are {', '.join(near)} and "
+            f"{len(every) - len(near)} others, which train --help lists; or give env=ID, such as "
+            "env=RPRPReach-v0"
+        )
     return preset
 
 
