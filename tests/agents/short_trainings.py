@@ -19,7 +19,7 @@ SMALL = [*TINY, "env_kwargs.max_episode_steps=20"]
 REPLAY = {"learning_starts": 400, "buffer_size": 1200, "gradient_steps": 1, "batch_size": 32}
 """A replay buffer that is smaller than a run, so that its oldest rows are overwritten."""
 CASES = {
-    "ppo": {"total_steps": 2048, "ppo": {"n_steps": 16, "batch_size": 256}},
+    "ppo": {"total_steps": 2048, "stagger": True, "ppo": {"n_steps": 16, "batch_size": 256}},
     "plain_ppo": {"plain_ppo": {"n_steps": 16, "batch_size": 64}},
     "auto": {"algo": "sac", "sac": {**REPLAY, "ent_coef": "auto", "schedule": "linear"}},
     "her": {

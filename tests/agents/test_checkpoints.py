@@ -62,6 +62,16 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path):
     assert not find_checkpoint(killed)
 
 
+@pytest.mark.parametrize("stagger", [True, False])
+def test_first_episodes_of_a_staggered_training_alone_are_of_different_lengths(stagger, tmp_path):
+    train(small_config("ppo", stagger=stagger), tmp_path)
+    lengths = [int(row["l"]) for row in csv_rows(tmp_path / "monitor.csv")]
+    first, later = lengths[:16], lengths[16:]
+    assert (len({*first}) > 8) == stagger
+    assert max(first) <= 40
+    assert {*later} == {40}
+
+
 def test_points_of_the_log_stand_where_they_were_measured_also_after_a_kill(tmp_path):
     """The last one comes between the last checkpoint and the kill, at 1856 steps, and is measured again."""
     log = {"curve_every": 370, "telemetry": ["tensorboard", "csv"]}

@@ -22,6 +22,7 @@ def _number(value: Any) -> Any:
 Whole = Annotated[int, BeforeValidator(_number)]
 Real = Annotated[float, BeforeValidator(_number)]
 Text = StrictStr
+Flag = Annotated[bool, Field(strict=True)]
 
 
 def number(default: Any, low: float, high: float, help: str, unit: str = "") -> Any:
@@ -72,6 +73,8 @@ def explain(kind: type[Any], error: ValidationError, where: str = "") -> str:
             return f"{name} is {got}; choose {about['expected']}"
         case "model_type" | "dict_type":
             return f"{name} is {got}; give a mapping"
+        case "bool_type":
+            return f"{name} is {got}; give true or false"
         case "string_type":
             return f"{name} is {got}; give a text"
         case "tuple_type":

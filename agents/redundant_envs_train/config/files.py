@@ -133,7 +133,9 @@ def page_of_keys() -> str:
         low, high = limits(field)
         choices = get_args(field.annotation)
         allowed = ", ".join(choices) if all(isinstance(choice, str) for choice in choices) else ""
-        if low is not None and high is not None:
+        if field.annotation is bool:
+            allowed = "true or false"
+        elif low is not None and high is not None:
             allowed = f"{short(low)} to {short(high)}"
         default = "" if field.is_required() else f"`{written(field.default)}`"
         cells = (f"`{name}`", default, f"{allowed} {extra.get('unit', '')}".strip(), field.description)
@@ -145,6 +147,6 @@ def page_of_keys() -> str:
 
 def written(default: Any) -> str:
     """A default as it is written on the command line."""
-    if default is None:
-        return "null"
+    if default is None or isinstance(default, bool):
+        return {None: "null", True: "true", False: "false"}[default]
     return f"[{', '.join(map(str, default))}]" if isinstance(default, tuple) else str(default)

@@ -8,7 +8,7 @@ from redundant_envs.support.extras import needs
 from redundant_envs.support.values import shown
 
 from . import learners
-from .fields import Model, Real, Text, Whole, number, value
+from .fields import Flag, Model, Real, Text, Whole, number, value
 
 with needs("train"):
     from pydantic import model_validator
@@ -45,6 +45,9 @@ class Config(Model):
     algo: Algorithm = value("ppo", "learner")
     seed: Whole = number(0, 0, MAX_SEEDS, "of the learner, and of all draws of the environments")
     num_envs: Whole = number(512, 1, SEEDS_PER_RUN, "environments in parallel")
+    stagger: Flag = value(
+        False, "whether first episodes begin at a random step, so that updates see all parts of episodes"
+    )
     total_steps: Whole = number(8_000_000, 1, 1e12, "environment steps in all")
     start_from: Text | None = value(
         None, "policy to begin with: a run folder, that of an exported policy, or a policy.zip; null: none"
@@ -105,6 +108,9 @@ class Config(Model):
         if self.start_from_sha256 is not None and self.start_from is None:
             problem = f"start_from_sha256 is {shown(self.start_from_sha256)}, and start_from is null"
             raise ValueError(f"{problem}; give both or neither")
+        if self.stagger and self.env_kwargs.get("max_episode_steps", 1) is None:
+            problem = "stagger is true, and env_kwargs.max_episode_steps is null"
+            raise ValueError(f"{problem}; give episodes a limit, or stagger=false")
         if len(set(self.telemetry)) < len(self.telemetry):
             raise ValueError(f"telemetry is {shown(list(self.telemetry))}; name each one once")
         check_env_kwargs(self.env_kwargs)

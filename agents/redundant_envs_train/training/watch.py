@@ -83,6 +83,12 @@ class Watch(BaseCallback):
         """Training time so far, without evaluations, s."""
         return self._before + time.perf_counter() - self._start - self._apart
 
+    def _on_training_start(self) -> None:
+        if self.config.stagger and not self.model.num_timesteps:
+            core, rng = self.monitor.unwrapped.core, np.random.default_rng(self.config.seed)
+            steps = rng.integers(core.max_episode_steps, size=(core.num_envs, 1))
+            core.memory.write(["steps"], steps, core.memory.index)
+
     def _on_rollout_start(self) -> None:
         self._count_update()
         every = self.config.checkpoint_seconds
