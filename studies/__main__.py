@@ -60,6 +60,7 @@ def parser() -> argparse.ArgumentParser:
     configured(p, "throughput")
     written(p)
     p = study(measure, "environments", "speed of the Gymnasium environments")
+    p.add_argument("ids", nargs="*", metavar="ID", help="default: the reach environments")
     p.add_argument("--lanes", type=int, default=4096)
     p.add_argument("--rounds", type=int, default=10)
     written(p)
@@ -131,7 +132,7 @@ def _families(of: Any, o: Any) -> list[Row]:
 
 MEASURED: dict[str, tuple[str, Callable[[Any, Any], list[Row]]]] = {
     "throughput": ("dgemm_gflops", lambda of, o: of.run(of.load_study(_config(o)))),
-    "environments": ("env", lambda of, o: of.run(o.lanes, o.rounds)),
+    "environments": ("env", lambda of, o: of.run(o.ids or of.IDS, o.lanes, o.rounds)),
     "modes": ("env", lambda of, o: of.run(o.lanes, o.rounds)),
     "effects": ("at", lambda of, o: of.run(of.load_study(_config(o)), o.name)),
     "ilqr": ("arm", lambda of, o: of.run(o.arms, o.goals)),

@@ -6,17 +6,18 @@ import functools
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from redundant_envs.envs.registration import NAMESPACE, SCENES
-from redundant_envs.scenes.scene import load_scene
+from redundant_envs.envs.registration import NAMESPACE, SCENES, full_id, ids, listed
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
+from redundant_envs.support.tables import markdown
 from redundant_envs.support.timing import Times, by_turns, seconds
+from redundant_envs.support.values import shown
 from studies.speed import one_core
 
 COLUMNS = (
@@ -27,8 +28,6 @@ COLUMNS = (
 )  # fmt: skip
 BASELINE = "CartPole-v1"
 IDS = tuple(f"{NAMESPACE}/{arm}Reach-v0" for arm in SCENES)
-VECTOR_STEPS = 101
-"""Steps per round: one whole episode and its reset, so that resets are included in proportion."""
 FIRST_STEP = """
 import time
 start = time.process_time()
@@ -51,19 +50,21 @@ FIRST_STEPS = 3
 
 
 def vector_episode(env: Any, renewed: bool) -> Callable[[], float]:
-    """A function that times an episode of a vector environment, s, with random actions that each one keeps,
-    or with ``renewed`` ones, with which the sliders of RPRP reach and leave their stops more often."""
-    tables = VECTOR_STEPS if renewed else 1
+    """A function that times a step of a vector environment, s, over an episode and its reset, with random actions
+    that each one keeps, or with ``renewed`` ones: the sliders of RPRP then reach and leave their stops more
+    often."""
+    count = env.spec.max_episode_steps + 1
+    tables = count if renewed else 1
     shape = (tables, *np.shape(env.action_space.sample()))
     drawn = np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32)
     env.reset(seed=0)
     env.step(drawn[0])
 
     def steps() -> None:
-        for k in range(VECTOR_STEPS):
+        for k in range(count):
             env.step(drawn[k % tables])
 
-    return functools.partial(seconds, steps)
+    return lambda: seconds(steps) / count
 
 
 def single_steps(env: gym.Env[Any, Any], count: int, read: bool = False) -> Callable[[], float]:
@@ -96,8 +97,8 @@ def first_step_seconds(name: str) -> float:
 
 
 def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]:
-    """Times of a reach environment and of CartPole, by turns."""
-    scene = load_scene(SCENES[name.split("/")[1].removesuffix("Reach-v0")]).to_dict()
+    """Times of an environment and of CartPole, by turns."""
+    scene = gym.make(name).unwrapped.scene.to_dict()  # type: ignore[attr-defined]
     vectors: dict[str, Any] = {}
     for how, (controlled, _) in VECTORS.items():
         variant = scene if controlled else {**scene, "tolerance": None}  # one rk8 step for every control step
@@ -114,18 +115,24 @@ def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]
     return times
 
 
-def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str, Any]]:
-    """Time the reach environments of all registered arms; one row of ``COLUMNS`` for each."""
+def run(
+    names: Sequence[str] = IDS, lanes: int = 4096, rounds: int = 10, steps: int = 2000
+) -> list[dict[str, Any]]:
+    """Time environments, by default the reach environments of all arms; one row of ``COLUMNS`` for each."""
+    names = [*map(full_id, names)]
+    for name in names:
+        if name not in ids():
+            raise ValueError(f"the id is {shown(name)}; choose {listed()}")
     rows, about = [], versions()
-    with one_core(), counted("environments", len(IDS)) as done:
-        for name in IDS:
+    with one_core(), counted("environments", len(names)) as done:
+        for name in names:
             times = times_of(name, lanes, rounds, steps)
             best = {how: float(of.best) for how, of in times.items()}
-            rate = {how: round(lanes * VECTOR_STEPS / best[how]) for how in VECTORS}
+            rate = {how: round(lanes / best[how]) for how in VECTORS}
             rows.append({
                 **about, "gymnasium": gym.__version__, "env": name, "lanes": lanes,
                 "vector_steps_per_s_best": rate["controlled"],
-                "vector_steps_per_s_median": round(lanes * VECTOR_STEPS / float(times["controlled"].median)),
+                "vector_steps_per_s_median": round(lanes / float(times["controlled"].median)),
                 "vector_renewed_actions_best": rate["renewed"], "vector_one_rk8_step_best": rate["one step"],
                 "vector_one_rk8_step_renewed_actions_best": rate["one step, renewed"],
                 "single_us_per_step": round(1e6 * best["single"], 2),
@@ -137,3 +144,18 @@ def run(lanes: int = 4096, rounds: int = 10, steps: int = 2000) -> list[dict[str
             spread = 100 * times["controlled"].spread
             done(f"{name} {rate['controlled'] / 1e6:.2f} million steps/s, spread {spread:.0f} %")
     return rows
+
+
+def tasks_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows of :func:`run`, or of its CSV file: a line for each task, columns for each arm."""
+    columns = {"constant": "vector_steps_per_s_best", "new": "vector_renewed_actions_best"}
+    arms = {"4R": "FourR", "RPRP": "RPRP", "2R": "TwoR"}
+    cells = {r["env"]: r for r in rows}
+    tasks = [id.partition("/FourR")[2] for id in cells if "/FourR" in id]
+    lines = [
+        (task.removesuffix("-v0"), *(
+            f"{float(cells[f'{NAMESPACE}/{arm}{task}'][column]) / 1e6:.2f}"
+            for arm in arms.values() for column in columns.values()
+        )) for task in tasks
+    ]  # fmt: skip
+    return markdown(["task", *(f"{arm}, {kind}" for arm in arms for kind in columns)], lines)

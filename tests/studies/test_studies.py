@@ -64,8 +64,9 @@ def test_a_tolerance_of_speeds_needs_the_4r_arm():
 def test_environment_columns(monkeypatch):
     # The subprocess that measures the import time takes seconds; it is left to the study.
     monkeypatch.setattr(environments, "first_step_seconds", lambda name: 0.5)
-    found = environments.run(lanes=4, rounds=1, steps=120)
-    assert [row["env"] for row in found] == list(environments.IDS)
+    names = *environments.IDS, "redundant_envs/TwoRTrack-v0"
+    found = environments.run(names, lanes=4, rounds=1, steps=120)
+    assert [row["env"] for row in found] == [*names]
     for row in found:
         assert tuple(row) == environments.COLUMNS
         numbers = ("vector_steps_per_s_best", "single_us_per_step", "cartpole_us_per_step")
@@ -236,6 +237,7 @@ def test_the_reference_agrees_with_others_and_a_coarse_one_does_not():
         ("throughput --out broken/a", "is broken/a, which is below the broken link"),
         ("throughput --config c.csv --out c.csv --force", "c.csv would be replaced"),
         ("environments --lanes 0", "lanes is 0"),
+        ("environments Nowhere-v0", "the id is 'redundant_envs/Nowhere-v0'; choose "),
         ("effects Wind", "effect is 'Wind'; choose Armature, "),
         ("intervals --intervals 0", "intervals is 0; give at least 1"),
         ("stops --lanes 7", "lanes is 7; give at least 8"),
