@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.envs.rendering import MARGIN, Drawing, stated_limits
+from redundant_envs.envs.canvas import MARGIN
+from redundant_envs.envs.rendering import Drawing, stated_limits
 from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.support import palette
 from redundant_envs.support.figures import bare, check_clip, literal, new_figure, save_figure, write_clip

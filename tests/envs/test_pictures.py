@@ -20,7 +20,7 @@ from PIL import Image
 import redundant_envs as rde
 from redundant_envs.__main__ import main
 from redundant_envs.envs import rendering
-from redundant_envs.envs.rendering import BARS, Canvas
+from redundant_envs.envs.canvas import BARS, Canvas
 from redundant_envs.model.trajectory import Trajectory
 from redundant_envs.support import palette
 
