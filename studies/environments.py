@@ -50,8 +50,8 @@ FIRST_STEPS = 3
 
 
 def vector_episode(env: Any, renewed: bool) -> Callable[[], float]:
-    """A function that times a step of a vector environment, s, over an episode and its reset. Each one keeps a
-    random action, or has ``renewed`` ones: the sliders of RPRP then reach and leave their stops more often."""
+    """A function that times a step of a vector environment, s, over an episode and its reset. Each keeps a
+    random action, or has ``renewed`` ones: sliders of RPRP then reach and leave their stops more often."""
     count = env.spec.max_episode_steps + 1
     tables = count if renewed else 1
     shape = (tables, *np.shape(env.action_space.sample()))

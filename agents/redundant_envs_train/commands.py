@@ -316,7 +316,7 @@ def dataset(
     from .shipping.dataset import write_dataset
 
     steps = write_dataset(source, env, episodes, seed, out, trust)
-    say(f"written: {out}, {episodes} episodes of {steps} control steps")
+    say(f"written: {out}, {episodes} episodes of {steps} steps in all")
 
 
 @app.command()

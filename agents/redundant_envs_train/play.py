@@ -118,4 +118,4 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
     if is_full:
         there = f"{path.name} shows {len(frames)} frames alone, {LARGEST_CLIP >> 20} MiB of memory"
         say(f"{there}; a smaller render_width has room for more", file=sys.stderr)
-    write_clip(path, frames, max(round(1.0 / (CLIP_EVERY * env.unwrapped.core.scene.control_dt)), 1))
+    write_clip(path, frames, max(round(env.unwrapped.core.frames_per_second / CLIP_EVERY), 1))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs import Numerics, __version__
+from redundant_envs.envs.arguments import without_mode
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.support.disk import replacing, write_text
@@ -57,6 +58,7 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     expert = None
     if core.goal_fields:
         kwargs = {name: value for name, value in config.env_kwargs.items() if name not in OF_ACTIONS}
+        kwargs["scene"] = without_mode(core.scene)
         expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **kwargs)
     missed = np.ones(n, np.bool_) if policy.hold is None else ~policy.hold
     failures = failures_of(core.task, policy, missed)

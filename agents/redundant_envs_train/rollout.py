@@ -41,8 +41,8 @@ class EpisodeEnds(NamedTuple):
     steps: NDArray[np.int64]  # control steps
     evaluations: NDArray[np.int64]  # of the equations of motion
     time_to_hold: NDArray[np.float64] | None  # s, from which on the tip stayed at the goal and slow; else NaN
-    effort: NDArray[np.float64]  # mean square of the normalized efforts, 0 to 1
-    smoothness: NDArray[np.float64]  # mean change of an effort from step to step, 0 to 2: less is smoother
+    effort: NDArray[np.float64]  # mean square of the actions, 0 to 1
+    smoothness: NDArray[np.float64]  # mean change from an action to the next, 0 to 2: less is smoother
     metrics: Mapping[str, NDArray[np.float64]] = {}  # the task's own, beside those above
 
 
@@ -76,6 +76,7 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
     open_lanes = np.ones(episodes, dtype=np.bool_)
     returns, effort, change = np.zeros(episodes), np.zeros(episodes), np.zeros(episodes)
     held, counts_steps = np.zeros(episodes), "hold" in env.core.task.memory
+    decisions = np.zeros(episodes, dtype=np.int64)
     before: NDArray[np.float64] | None = None
     step = 0
     while open_lanes.any():
@@ -91,6 +92,7 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
         returns += rewards * open_lanes
         for lane in np.flatnonzero(dones & open_lanes):
             ends[lane] = infos[lane]
+        decisions += open_lanes
         open_lanes &= ~dones
         step += 1
     scene = env.core.scene
@@ -100,14 +102,15 @@ def run_episodes(env_id: str, act: Act, episodes: int, seed: int, **kwargs: Any)
     steps = np.array([end["episode_steps"] for end in ends])
     hold, touch, distance = (metrics.pop(name, None) for name in SUCCESS)
     time_to_hold = None
-    if hold is not None and counts_steps:  # ``held`` counts the steps before the last one
-        time_to_hold = np.where(hold, (steps - held - 1.0) * scene.control_dt, np.nan)
+    if hold is not None and counts_steps:  # ``held`` counts the steps before the last decision
+        last = env.core.decide_every * (decisions - 1)
+        time_to_hold = np.where(hold, (last - held) * scene.control_dt, np.nan)
     evaluations = [e.get("evaluations", n * per_step) for e, n in zip(ends, steps.tolist(), strict=True)]
     return EpisodeEnds(
         hold, touch, distance, returns,
         ended=~whole, faults=np.array([end.get("numerics", 0) for end in ends]), steps=steps,
         evaluations=np.array(evaluations), time_to_hold=time_to_hold,
-        effort=effort / steps, smoothness=change / np.maximum(steps - 1, 1), metrics=metrics,
+        effort=effort / decisions, smoothness=change / np.maximum(decisions - 1, 1), metrics=metrics,
     )  # fmt: skip
 
 

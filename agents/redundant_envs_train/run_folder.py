@@ -18,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.envs.arguments import with_mode
 from redundant_envs.envs.registration import check_arm, check_motors, ids, listed
 from redundant_envs.scenes.files import exists
 from redundant_envs.scenes.scene import Scene, load_scene, scene_at, scene_path
@@ -289,7 +290,8 @@ def difference(folder: Path) -> str:
         return ""
     what = f"the scene {shown(named)} that config.yaml names" if isinstance(named, str) else "config.yaml"
     try:
-        today = scene_at(named, config.env_kwargs.get("accuracy"))
+        named_today = scene_at(named, config.env_kwargs.get("accuracy"))
+        today = with_mode(named_today, config.env_kwargs.get("action"))
     except ValueError as error:
         return f"{what} cannot be read any more: {error}"
     return f"{folder / SCENE} differs from {what}" if read_scene(folder).to_dict() != today.to_dict() else ""

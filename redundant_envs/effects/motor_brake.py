@@ -5,8 +5,11 @@ from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Friction, Hook, named
 from redundant_envs.effects.motor_faults import MotorFault
-from redundant_envs.effects.numbers import Example, one, positive
+from redundant_envs.effects.numbers import Example, between, one, positive
 from redundant_envs.language.algebra import physics, where
+
+STRONGEST_GRIP = 1e6
+"""N m or N: with 1e9 the energy of a stop is missed by 2e-5 J, as the joint stops within rounding of time."""
 
 
 @functools.cache
@@ -31,6 +34,11 @@ def closed_at(k: int) -> Callable[..., Any]:
     return closed  # type: ignore[no-any-return]
 
 
+def grip_of(field: str, value: Any) -> float:
+    """A grip whose stop error control still resolves, or a ValueError that names the field."""
+    return between(field, positive(field, value), 0.0, STRONGEST_GRIP, " N m or N")
+
+
 @dataclass(frozen=True)
 class MotorBrake(MotorFault):
     """The motor of one joint gives no effort from a time on, and its brake, dry friction, holds the joint.
@@ -41,11 +49,11 @@ class MotorBrake(MotorFault):
     Parameters
     ----------
     grip : float, default 1000
-        Torque (N m) or force (N) with which the brake stops the joint, positive. Once that is at rest, the
-        brake holds it whatever that takes, impacts of other joints at their stops included.
+        Torque (N m) or force (N) with which the brake stops the joint, positive, at most 1e6. Once that is at
+        rest, the brake holds it whatever that takes, impacts of other joints at their stops included.
     """
 
-    grip: float = field(default=1000.0, metadata=one(positive, "N m or N"))
+    grip: float = field(default=1000.0, metadata=one(grip_of, "N m or N"))
     key = named("motor_brake_")
     example = Example({"joint": 1.0, "at": 0.1})
 

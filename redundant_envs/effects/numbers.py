@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from redundant_envs.robots.parameters import between as between
 from redundant_envs.robots.parameters import not_negative as not_negative
 from redundant_envs.robots.parameters import number as number
 from redundant_envs.robots.parameters import numbers as numbers

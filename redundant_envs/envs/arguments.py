@@ -129,6 +129,12 @@ def with_mode(scene: Scene, action: Any) -> Scene:
     return dataclasses.replace(scene, effects=(*scene.effects, modes()[action].for_scene(scene)))
 
 
+def without_mode(scene: Scene) -> Scene:
+    """The scene whose actions are efforts: without the effect of its mode of actions, if it has one."""
+    others = tuple(effect for effect in scene.effects if not effect.effort_units(scene.robot))
+    return scene if len(others) == len(scene.effects) else dataclasses.replace(scene, effects=others)
+
+
 def simulated(scene: Scene, task: Task, randomize: Any) -> Scene:
     """The scene as it is simulated: every episode draws the numbers for which it has ranges if ``randomize``;
     ValueError unless the task allows what they draw."""

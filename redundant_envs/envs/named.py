@@ -118,6 +118,13 @@ def info_table(scene: Scene, task: Task) -> str:
     return markdown(("Key", "Meaning", "Only in"), rows, formatted=True)
 
 
+def takes_goal(scene: Scene, task: Task) -> bool:
+    """Whether a reset may set the goal."""
+    episode = environment_simulator(scene, task).episode
+    assert episode is not None
+    return bool(episode.goal) and not episode.replaces_goal
+
+
 def argument_table(kind: type[Any]) -> str:
     """Keyword arguments of the constructor with their defaults."""
     defaults = {name: f"`{p.default!r}`" for name, p in inspect.signature(kind).parameters.items()}
@@ -186,6 +193,9 @@ def page(kind: type[Any], scene_name: Any) -> str:
         success_note=task.success_note(),
         start_note=task.start_note(),
         most_steps=task.steps,
+        options="`q`, `qd`, `goal` and `parameters`"
+        if takes_goal(scene, task)
+        else "`q`, `qd` and `parameters`",
         info=info_table(scene, task),
         arguments=argument_table(kind),
         numbers=task_table(task),

@@ -19,7 +19,7 @@ from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support import palette
 from redundant_envs.support.extras import INSTALL
-from redundant_envs.tasks.base import hard_stops
+from redundant_envs.tasks.base import Task, hard_stops
 
 HOLDING = {"hold", "is_success"}
 """Memory of a task that counts the steps in which the goal is held: the picture shows the time, green from
@@ -172,6 +172,14 @@ class Drawing:
             canvas.disc(place, _radius(mass, arm), palette.LOAD)
 
 
+def points_of(task: Task, known: Mapping[str, float]) -> Points:
+    """The points of a task's path, (n, 2); ValueError unless it gives points."""
+    path = np.asarray(task.path(known), dtype=np.float64)
+    if path.size and (path.ndim != 2 or path.shape[1] != 2):
+        raise ValueError(f"{type(task).__name__}.path gives {task.path(known)!r}; give points, [(x, y), ...]")
+    return path.reshape(-1, 2)
+
+
 def _radius(mass: float, arm: Arm) -> float:
     """Radius of a load, px: its square beyond the tip's dot shows the mass, up to 4 of the arm's heaviest."""
     return 8.5 + 6.0 * float(np.sqrt(min(mass / max(arm.masses), 4.0)))
@@ -262,8 +270,7 @@ class Renderer:
         memory = core.task.memory and dict(
             zip(core.task.memory, read(core.task.memory).tolist(), strict=True)
         )
-        path = np.asarray(core.task.path(memory or {}))
-        canvas.trail(path.reshape(-1, 2), 2.0, palette.GOAL, faint=0.4, strong=0.4)
+        canvas.trail(points_of(core.task, memory or {}), 2.0, palette.GOAL, faint=0.4, strong=0.4)
         canvas.trail(self.trail(lane), 3.0, palette.TRAIL, faint=0.15, strong=0.9)
         self._drawing.arm(canvas, own_arm, q, known, scenery)
         canvas.disc(base, 9.0, palette.JOINT)

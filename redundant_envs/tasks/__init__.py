@@ -35,4 +35,7 @@ def make_task(task: Mapping[str, Any] | None, name: str, terminate_on_touch: boo
         raise ValueError(f"task.type is {shown(task['type'])} and this is {name}; make the id of that task")
     numbers = {key: value for key, value in task.items() if key != "type"}
     ends = {} if terminate_on_touch is None or TOUCH not in valid else {TOUCH: terminate_on_touch}
+    if numbers.get(TOUCH, terminate_on_touch) != terminate_on_touch and ends:
+        other = f"task[{TOUCH!r}] is {numbers[TOUCH]}"
+        raise ValueError(f"{TOUCH} is {terminate_on_touch}, and {other}; give one of them")
     return kind(**{**numbers, **ends})

@@ -8,6 +8,7 @@ from redundant_envs.compiler import dialect
 from redundant_envs.effects import baked_numbers
 from redundant_envs.effects.baked_numbers import Described, Owner
 from redundant_envs.effects.bound_hooks import identifier
+from redundant_envs.effects.hooks import Obstacle
 from redundant_envs.effects.obstacles import clearance_functions, distance_names
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered
 from redundant_envs.language.quantities import check_names, givers_of
@@ -44,6 +45,7 @@ def check_task(task: Task, scene: Scene) -> None:
         **dict.fromkeys(task.aliases(scene), "an end of the travel of a slider"),
         "interval": "the control interval", "steps": "control steps of the episode before this one",
         **dict.fromkeys(distance_names(scene.attached, arm), "a distance from an obstacle"),
+        **dict.fromkeys(numbered("near{}", len(scene.attached.of(Obstacle))), "a distance at the last step"),
         "ended": "whether a fault ends the episode",
         "paid": "what the other terms of the reward have paid in the episode",
     }  # fmt: skip
@@ -70,7 +72,7 @@ def check_task(task: Task, scene: Scene) -> None:
         **dict.fromkeys(("flags", "labels", "held_outputs"), task.metrics),
         "summed": task.held_outputs,
         "ends": [*task.memory, *(name for f in task.functions(scene) for name in gives_of(f))],
-        **dict.fromkeys(("ranges", "units"), fields),
+        **dict.fromkeys(("ranges", "units", "unused"), fields),
         "static": [f for f in fields if f not in of_all],
     }
     for field, allowed in choices.items():

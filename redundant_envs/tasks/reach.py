@@ -52,8 +52,9 @@ def hold_counter(hold, touched, distance, speed, reach, goal_tolerance, hold_spe
 
 
 @physics(gives="is_success")
-def success(hold_new, hold_steps):
-    return where(hold_new >= hold_steps, 1.0, 0.0)
+def success(hold_new, hold_steps, ended):
+    """Whether the goal is held, and no fault has undone this step."""
+    return where(ended > 0.0, 0.0, where(hold_new >= hold_steps, 1.0, 0.0))
 
 
 def terms_of_distance(

@@ -49,6 +49,7 @@ class ReachAroundTask(AmongObstacles):
     angles = {f"angle{k}": (f"angle{k}_s", f"angle{k}_c") for k in range(CANDIDATES)}
     weights = (0.22, 0.22, 0.32)
     units = {**AmongObstacles.units, "goal_margin": "reaches"}
+    ranges = {**AmongObstacles.ranges, "goal_margin": (0.0, 2.0)}
 
     def begin_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
         points = [(f"x{k}_drawn", f"y{k}_drawn") for k in range(CANDIDATES)]

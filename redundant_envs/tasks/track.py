@@ -148,7 +148,10 @@ class TrackTask(ReachTask):
         **dict.fromkeys(("period", "wait", "rise", "settle"), "s"),
     }
 
-    ranges = {**ReachTask.ranges, "period": (1e-3, 1e9)}  # angles stay below those whose sines are exact
+    ranges = {
+        **ReachTask.ranges, "track_tolerance": (1e-9, 2.0),
+        "period": (1e-3, 1e9),  # angles stay below those whose sines are exact
+    }  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -74,7 +74,8 @@ def subject_from(name: str, thing: Any) -> Subject:
     if isinstance(thing, Task):
         if TASKS.get(kind.name) is not kind:
             registration.register_task(kind)
-        arm = next(iter(registration.SCENES))  # the first one that has a scene
+        own = registration.PAIR_SCENES.get(("the task", kind.name), {})
+        arm = next(iter((*own, *registration.SCENES)))  # the first with a scene for the task, or at all
         return _environment(name, registration.id_of(arm, kind.name), thing.parameters())
     raise ValueError(
         f"{name} is {shown(thing)}; verify takes an arm, a scene, an effect or a task, or a class of these"

@@ -73,7 +73,7 @@ def test_every_episode_is_replayed_to_the_last_bit(count, words, call, tmp_path,
     out, _ = call("dataset", *words, "--episodes", count, "--seed", 3, "--out", tmp_path / "made-v1")
     found = load(tmp_path / "made-v1")
     assert (found.total_episodes, found.id) == (count, "made-v1")
-    assert f"{count} episodes of {found.total_steps} control steps" in out
+    assert f"{count} episodes of {found.total_steps} steps in all" in out
     assert any(episode.infos["is_success"][-1] for episode in found) == (words[0] != "random")
     assert_replayed(tmp_path / "made-v1", 3, count)
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import yaml
 from run_folders import POLICIES, REFUSALS, RPRP, change, kept, readers, says, write_run, write_scene_file
-from short_trainings import SMALL, assert_same_policy
+from short_trainings import SMALL, assert_same_policy, small_config
 
 from redundant_envs import __main__ as library
 from redundant_envs.compiler.backends import llvm
@@ -28,7 +28,7 @@ from redundant_envs_train.evidence import curves
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import summary
-from redundant_envs_train.rollout import EpisodeEnds
+from redundant_envs_train.rollout import EVALUATION_SEED, EpisodeEnds, expert_act, run_episodes
 from redundant_envs_train.run_folder import read_evaluation
 from redundant_envs_train.training import many
 from redundant_envs_train.training.pool import seeds_of, stop_request
@@ -55,6 +55,31 @@ def test_a_run_explains_itself(home, refused):
     assert f"{100 * result['hold_success']:.1f} % of 5 episodes" in (folder / "report.md").read_text()
     assert yaml.safe_load((folder / "config.yaml").read_text()) == load(folder / "config.yaml").to_dict()
     refused(["train", "rprp_reach_ppo", "--out", folder], "is not empty")
+
+
+def test_a_run_with_a_mode_of_actions_is_compared_with_the_expert_in_efforts(tmp_path):
+    modes = {"action": "joint_velocity", "decide_every": 5, "max_episode_steps": 40}
+    train(small_config("ppo", env_kwargs=modes), tmp_path)
+    found = report.evaluate(tmp_path).result
+    plain = run_episodes(RPRP, expert_act(), 5, EVALUATION_SEED, max_episode_steps=40)
+    assert found["expert_mean_return"] == plain.returns.mean()
+    assert not run_folder.difference(tmp_path)
+
+
+@pytest.mark.parametrize("decide_every", [3, 5])
+def test_measures_of_a_motion_do_not_depend_on_how_long_a_decision_lasts(decide_every):
+    def measures(decide_every, mode, command):
+        act = lambda obs, core, step: np.full((core.num_envs, len(core.actions)), command, np.float32)  # noqa: E731
+        task = {"goal_tolerance": 0.9, "hold_speed": 10.0}  # some goals are held from a step of the motion on
+        kwargs = {"action": mode, "decide_every": decide_every, "task": task}
+        found = run_episodes("redundant_envs/FourRReach-v0", act, 40, EVALUATION_SEED, **kwargs)
+        assert found.hold.mean() > 0.0
+        return found.effort, found.smoothness, found.time_to_hold
+
+    for mode, command in (("effort", 0.2), ("joint_position", 0.1)):
+        one, other = measures(decide_every, mode, command), measures(1, mode, command)
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+        assert len({*other[2][other[2] > 0.0].tolist()}) > 3
 
 
 def test_a_verdict_is_about_all_measures_and_what_differs_beyond_chance():

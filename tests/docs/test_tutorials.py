@@ -59,6 +59,12 @@ def test_a_tutorial_is_followed_to_its_trained_policy(page, result, tmp_path):
     assert (tmp_path / "run" / "policy.zip").exists()
 
 
+def test_the_tutorial_of_an_obstacle_is_followed_to_its_check(tmp_path):
+    outputs = run_tutorial(DOCS / "tutorials" / "obstacle.md", tmp_path)
+    assert "0 missed" in outputs[-1]
+    assert (tmp_path / "behind.gif").exists()
+
+
 @pytest.mark.parametrize("source", sorted((DOCS / "notebooks").iterdir()), ids=lambda path: path.stem)
 def test_a_notebook_runs_and_each_cell_shows_something(source, tmp_path, monkeypatch):
     """Its compiled programs are not yet kept. A cell that writes to standard error or leaves a file fails."""

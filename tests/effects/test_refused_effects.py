@@ -184,6 +184,10 @@ NUMBERS = [
     (lambda: e.Tendon(("r1", "r2"), (1.0, 1.0, 1.0), 1.0), "Tendon.moment_arms has 3 entries; give 2"),
     (lambda: e.PickUp(1.0, 0.0), "PickUp.at is 0.0; it must be positive"),
     (
+        lambda: e.MotorBrake(1, 0.1, grip=1e9),
+        "MotorBrake.grip is 1000000000.0 N m or N; it must lie in 0 to 1e+06",
+    ),
+    (
         lambda: e.LuGre(1e5, 0.0, 0.4, 1.0, 0.5, 0.01),
         "LuGre.stiction is 0.5 and LuGre.coulomb 1.0 at joint 1",
     ),

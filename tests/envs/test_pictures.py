@@ -123,6 +123,9 @@ def test_partial_resets_and_states_begin_trails_anew():
 def test_a_picture_shows_the_curve_that_the_target_follows(monkeypatch):
     env = drawn("redundant_envs/TwoRTrack-v0")
     shown = env.render()
+    monkeypatch.setattr(type(env.unwrapped.core.task), "path", lambda task, known: (1.0, 2.0, 3.0))
+    with pytest.raises(ValueError, match=r"TrackTask.path gives \(1.0, 2.0, 3.0\); give points"):
+        env.render()
     monkeypatch.setattr(type(env.unwrapped.core.task), "path", lambda task, known: ())
     assert 300 < (env.render() != shown).any(axis=2).sum() < 5000
 

@@ -127,6 +127,10 @@ def test_a_touch_ends_the_episode_if_it_shall():
         gym.make("redundant_envs/FourRReach-v0", terminate_on_touch=True)
     with pytest.raises(ValueError, match=r"terminate_on_touch is 1; give True or False"):
         gym.make(AROUND, task={"terminate_on_touch": 1})
+    with pytest.raises(
+        ValueError, match=r"terminate_on_touch is True, and task\['terminate_on_touch'\] is False"
+    ):
+        gym.make(AROUND, terminate_on_touch=True, task={"terminate_on_touch": False})
 
 
 @pytest.mark.parametrize("arm", ["FourR", "RPRP", "TwoR"])
@@ -227,17 +231,46 @@ def test_the_first_candidate_that_fits_is_taken_else_the_last():
         assert take(*fits, *points) == (k, 10.0 * k)
 
 
-@pytest.mark.parametrize("name", ["Track", "TrackAround"])
+CURVES, DISCS = ("Track", "TrackAround"), ("ReachAround", "TrackAround")
+REFUSED = [
+    (CURVES, {"largest": 0.05}, r"smallest is 0\.1, largest is 0\.05; smallest must be at most largest"),
+    (CURVES, {"period": 1e-310}, r"period is 1e-310; it must lie in 0\.001 to 1e\+09"),
+    (CURVES, {"track_tolerance": 1e300}, r"track_tolerance is 1e\+300; it must lie in 1e-09 to 2"),
+    (DISCS, {"clear_margin": 1e-300}, r"clear_margin is 1e-300; it must lie in 1e-09 to 2"),
+    (DISCS, {"bend": 1e300}, r"bend is 1e\+300; it must"),
+    (
+        DISCS,
+        {"hang_low": 1.0, "hang_high": -1.0},
+        r"hang_low is 1, hang_high is -1; hang_low must be at most",
+    ),
+    (DISCS, {"goal_margin": 1e300}, r"goal_margin is 1e\+300; it must"),
+    (CURVES[1:], {"near": 0.66}, r"near is 0\.66, far is 0\.65; near must be at most far"),
+    (CURVES[1:], {"near": 5.0}, r"near is 5\.0; it must"),
+]
+
+
 @pytest.mark.parametrize(
-    ("numbers", "said"),
-    [
-        ({"largest": 0.05}, r"Task\.smallest is 0\.1, largest is 0\.05; smallest must be at most largest"),
-        ({"period": 1e-310}, r"Task\.period is 1e-310; it must lie in 0\.001 to 1e\+09"),
-    ],
+    ("name", "numbers", "said"), [(n, numbers, said) for names, numbers, said in REFUSED for n in names]
 )
-def test_curves_that_cannot_be_drawn(name, numbers, said):
-    with pytest.raises(ValueError, match=said):
+def test_curves_margins_and_starts_that_cannot_be_drawn(name, numbers, said):
+    with pytest.raises(ValueError, match=rf"Task\.{said}"):
         OWN[name](**numbers)
+
+
+@pytest.mark.parametrize("arm", ["FourR", "RPRP", "TwoR"])
+@pytest.mark.parametrize("name", [name for name in OWN if "Track" not in name])
+def test_a_step_that_a_fault_undoes_does_not_complete_a_hold(arm, name):
+    kwargs = {"task": {"hold_speed": 10.0}, "on_bad_action": "terminate"}  # the arm falls within the step
+    env = gym.make(f"redundant_envs/{arm}{name}-v0", **kwargs).unwrapped
+    held = {}
+    for action in (0.0, np.nan):
+        env.reset(seed=3)
+        env.reset(seed=3, options={"goal": env.tip + 1e-4, "qd": np.zeros(len(env.core.actions))})
+        env.core.memory.write(["hold"], [[env.core.task.hold_steps - 1]], np.array([0]))
+        *_, held[action == 0.0] = env.step(np.full(env.action_space.shape, action, np.float32))
+    assert held[True]["is_success"] or name == "ReachLight"  # whose first pose may be a heavy one
+    assert not held[False]["is_success"]
+    assert held[False]["numerics"] == rde.Numerics.BAD_ACTION
 
 
 @pytest.mark.parametrize("name", ["ReachAround", "TrackAround", "GoalReachAround"])

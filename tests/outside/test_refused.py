@@ -345,6 +345,7 @@ def places(takes):
         (task_of(angles={**rde.ReachTask.angles, "theta1": ("s1", "c1")}), "angles has"),
         (task_of(updates={"theta1": "distance"}), "updates has 'theta1'; choose goal_x"),
         (task_of(labels={"distance": "numerics"}), "labels has 'numerics'"),
+        (task_of(unused=("innner",)), "unused has 'innner'; choose "),
         (task_of(observation=lambda self, scene: {}), "observation is empty"),
         (task_of(reward_functions=lambda self, scene: ()), "gives no term of its own"),
         (task_of(goal_conditioned=True), "give one reward term, a function of goal_reward"),

@@ -11,6 +11,7 @@ from catalogue import FOUR_R, IDS
 
 import redundant_envs as rde
 from redundant_envs.__main__ import main
+from redundant_envs.envs import registration
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.support.extras import MissingPackage
 from redundant_envs.verify import Mode, Subject, promises, report, subject_from, verify
@@ -64,6 +65,11 @@ def test_words_name_scenes_arms_environments_tasks_and_effects():
         for name in (word, word.partition("/")[2]):
             assert subject_of(name).env_id == word
     assert subject_of("GoalReach").env_id == "redundant_envs/RPRPGoalReach-v0"
+
+
+def test_a_task_is_verified_with_an_arm_that_has_a_scene_for_it(monkeypatch):
+    monkeypatch.setitem(registration.PAIR_SCENES, ("the task", "Reach"), {"TwoR": "two_r_reach"})
+    assert subject_from("mine", rde.ReachTask).env_id == "redundant_envs/TwoRReach-v0"
 
 
 def test_objects_of_programs_modules_and_files_are_subjects(mine):

@@ -41,16 +41,23 @@ class Expert(Protocol):
 
 def expert_of(task: Task, scene: Scene) -> Expert:
     """The expert that a task names, for its episodes in a scene."""
-    return _made(task.expert, scene)
+    return _made(task, "expert", scene)
 
 
 def baseline_of(task: Task, scene: Scene) -> Expert:
     """The classical controller from the nearest pose that a task names."""
-    return _made(task.baseline, scene)
+    return _made(task, "baseline", scene)
 
 
-def _made(place: str, scene: Scene) -> Expert:
+def _made(task: Task, field: str, scene: Scene) -> Expert:
+    place = getattr(task, field)
     module, _, name = place.partition(":")
-    kind: Any = getattr(importlib.import_module(module), name)
+    try:
+        kind: Any = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(
+            f"{type(task).__name__}.{field} is {place!r}, which cannot be imported ({error}); give it as "
+            "'package.module:Class'"
+        ) from error
     made: Expert = kind(scene)
     return made

@@ -126,7 +126,18 @@ class AmongObstacles(ReachTask):
         **ReachTask.units, "clear_margin": "reaches",
         **dict.fromkeys(("hang_low", "hang_high", "bend"), "rad"),
     }  # fmt: skip
-    ranges = {**ReachTask.ranges, **dict.fromkeys(("hang_low", "hang_high"), (-1e6, 1e6))}
+    ranges = {
+        **ReachTask.ranges, **dict.fromkeys(("hang_low", "hang_high"), (-1e6, 1e6)),
+        "bend": (0.0, 1e6), "clear_margin": (1e-9, 2.0),
+    }  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.hang_low > self.hang_high:
+            raise ValueError(
+                f"{type(self).__name__}.hang_low is {self.hang_low:g}, hang_high is {self.hang_high:g}; "
+                "hang_low must be at most hang_high"
+            )
 
     @property
     def ends(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -190,5 +201,5 @@ class AmongObstacles(ReachTask):
 
 
 @physics(gives="is_success")
-def untouched_success(hold_new, hold_steps, struck_new):
-    return where(struck_new > 0.0, 0.0, where(hold_new >= hold_steps, 1.0, 0.0))
+def untouched_success(hold_new, hold_steps, struck_new, ended):
+    return where(struck_new + ended > 0.0, 0.0, where(hold_new >= hold_steps, 1.0, 0.0))
