@@ -6,7 +6,7 @@ import functools
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -15,7 +15,6 @@ import numpy as np
 from redundant_envs.envs.registration import NAMESPACE, SCENES, full_id, ids, listed
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
-from redundant_envs.support.tables import markdown
 from redundant_envs.support.timing import Times, by_turns, seconds
 from redundant_envs.support.values import shown
 from studies.speed import one_core
@@ -143,18 +142,3 @@ def run(
             spread = 100 * times["controlled"].spread
             done(f"{name} {rate['controlled'] / 1e6:.2f} million steps/s, spread {spread:.0f} %")
     return rows
-
-
-def tasks_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows of :func:`run`, or of its CSV file: a line for each task, columns for each arm."""
-    columns = {"constant": "vector_steps_per_s_best", "new": "vector_renewed_actions_best"}
-    arms = {"4R": "FourR", "RPRP": "RPRP", "2R": "TwoR"}
-    cells = {r["env"]: r for r in rows}
-    tasks = [id.partition("/FourR")[2] for id in cells if "/FourR" in id]
-    lines = [
-        (task.removesuffix("-v0"), *(
-            f"{float(cells[f'{NAMESPACE}/{arm}{task}'][column]) / 1e6:.2f}"
-            for arm in arms.values() for column in columns.values()
-        )) for task in tasks
-    ]  # fmt: skip
-    return markdown(["task", *(f"{arm}, {kind}" for arm in arms for kind in columns)], lines)
