@@ -96,7 +96,8 @@ def first_step_seconds(name: str) -> float:
 
 def times_of(name: str, lanes: int, rounds: int, steps: int) -> dict[str, Times]:
     """Times of an environment and of CartPole, by turns."""
-    scene = gym.make(name).unwrapped.scene.to_dict()  # type: ignore[attr-defined]
+    env: Any = gym.make(name)
+    scene = env.unwrapped.scene.to_dict()
     vectors: dict[str, Any] = {}
     for how, (controlled, _) in VECTORS.items():
         variant = scene if controlled else {**scene, "tolerance": None}  # one rk8 step for every control step

@@ -25,9 +25,15 @@ def closest_names(attached: Attachments) -> tuple[str, ...]:
     return tuple(numbered("closest{}", len(attached.of(Obstacle))))
 
 
+def near_names(attached: Attachments) -> tuple[str, ...]:
+    """Names of the least clearances within the last step of an interval."""
+    return tuple(numbered("near{}", len(attached.of(Obstacle))))
+
+
 def distance_names(attached: Attachments, arm: Arm) -> list[str]:
     """Names of all distances from the obstacles."""
-    return [*(n for f in clearance_functions(attached, arm) for n in gives_of(f)), *closest_names(attached)]
+    clearances = (name for f in clearance_functions(attached, arm) for name in gives_of(f))
+    return [*clearances, *closest_names(attached), *near_names(attached)]
 
 
 def _of_link(obstacle: Attached[Obstacle], name: str, link: int) -> Callable[..., Any]:

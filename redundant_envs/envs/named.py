@@ -20,6 +20,7 @@ from redundant_envs.language.algebra import gives_of
 from redundant_envs.model.programs import environment_simulator
 from redundant_envs.scenes.files import read_yaml
 from redundant_envs.scenes.scene import Scene, load_scene
+from redundant_envs.simulator.lane.episode import Episode
 from redundant_envs.support.tables import markdown
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs.tasks import Task
@@ -105,10 +106,16 @@ def reward_table(scene: Scene, task: Task) -> str:
     return markdown(("Term", "Value per step", "Sum over the episode in info"), rows, formatted=True)
 
 
-def info_table(scene: Scene, task: Task) -> str:
-    """Keys of info: those of the environment's columns, then those of some scenes or environments only."""
+def episode_of(scene: Scene, task: Task) -> Episode:
+    """What an environment simulates."""
     episode = environment_simulator(scene, task).episode
     assert episode is not None
+    return episode
+
+
+def info_table(scene: Scene, task: Task) -> str:
+    """Keys of info: those of the environment's columns, then those of some scenes or environments only."""
+    episode = episode_of(scene, task)
     keys = ["return_*" if name.startswith("return_") else name for name in Columns(episode, ALL).names]
     meanings, only_in = texts()["info"], texts()["only_in"]
     rows = [
@@ -120,8 +127,7 @@ def info_table(scene: Scene, task: Task) -> str:
 
 def takes_goal(scene: Scene, task: Task) -> bool:
     """Whether a reset may set the goal."""
-    episode = environment_simulator(scene, task).episode
-    assert episode is not None
+    episode = episode_of(scene, task)
     return bool(episode.goal) and not episode.replaces_goal
 
 

@@ -95,6 +95,8 @@ class Task:
     ranges : mapping of str to (float, float), default {}
         Numbers -> the least and the largest value allowed. A number that is not named may have any positive
         value; 0 is allowed only where negative values are.
+    ordered : tuple of (str, str), default ()
+        Pairs of numbers of which the first is at most the second.
 
     A subclass writes the methods ``reward_functions`` and ``observation``, and may replace any other;
     docs/tutorials/moving_target.md builds a complete one.
@@ -127,6 +129,7 @@ class Task:
     units: ClassVar[Mapping[str, str]] = {"start_angle": "rad", "speed_bound": "rad/s or m/s"}
     unused: ClassVar[tuple[str, ...]] = ()
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    ordered: ClassVar[tuple[tuple[str, str], ...]] = ()
 
     @classmethod
     def numbers(cls) -> list[str]:
@@ -149,6 +152,12 @@ class Task:
             if low >= 0.0 and value <= 0.0:
                 raise ValueError(f"{where} is {value}; it must be positive")
             between(where, value, low, high)
+        for first, second in self.ordered:
+            if (least := getattr(self, first)) > (most := getattr(self, second)):
+                where = f"{type(self).__name__}.{first}"
+                raise ValueError(
+                    f"{where} is {least:g}, {second} is {most:g}; {first} must be at most {second}"
+                )
 
     def parameters(self) -> dict[str, float]:
         """Numbers of the task, per environment."""

@@ -8,7 +8,6 @@ from redundant_envs.compiler import dialect
 from redundant_envs.effects import baked_numbers
 from redundant_envs.effects.baked_numbers import Described, Owner
 from redundant_envs.effects.bound_hooks import identifier
-from redundant_envs.effects.hooks import Obstacle
 from redundant_envs.effects.obstacles import clearance_functions, distance_names
 from redundant_envs.language.algebra import arguments_of, gives_of, numbered
 from redundant_envs.language.quantities import check_names, givers_of
@@ -45,7 +44,6 @@ def check_task(task: Task, scene: Scene) -> None:
         **dict.fromkeys(task.aliases(scene), "an end of the travel of a slider"),
         "interval": "the control interval", "steps": "control steps of the episode before this one",
         **dict.fromkeys(distance_names(scene.attached, arm), "a distance from an obstacle"),
-        **dict.fromkeys(numbered("near{}", len(scene.attached.of(Obstacle))), "a distance at the last step"),
         "ended": "whether a fault ends the episode",
         "paid": "what the other terms of the reward have paid in the episode",
     }  # fmt: skip

@@ -152,14 +152,10 @@ class TrackTask(ReachTask):
         **ReachTask.ranges, "track_tolerance": (1e-9, 2.0),
         "period": (1e-3, 1e9),  # angles stay below those whose sines are exact
     }  # fmt: skip
+    ordered: ClassVar[tuple[tuple[str, str], ...]] = (("smallest", "largest"),)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.smallest > self.largest:
-            raise ValueError(
-                f"{type(self).__name__}.smallest is {self.smallest:g}, largest is {self.largest:g}; smallest "
-                "must be at most largest"
-            )
         if (farthest := self.farthest + LONGEST * self.largest) > 1.0:
             raise ValueError(
                 f"{type(self).__name__} draws targets as far as {farthest:g} reaches; give a smaller "

@@ -99,13 +99,7 @@ class TrackAroundTask(AmongObstacles, TrackTask):
         **TrackTask.ranges, **AmongObstacles.ranges, "goal_margin": (0.0, 2.0),
         **dict.fromkeys(("near", "far"), (0.0, 1.0)),
     }  # fmt: skip
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.near > self.far:
-            raise ValueError(
-                f"{type(self).__name__}.near is {self.near:g}, far is {self.far:g}; near must be at most far"
-            )
+    ordered = (*TrackTask.ordered, *AmongObstacles.ordered, ("near", "far"))
 
     @property
     def farthest(self) -> float:

@@ -28,7 +28,13 @@ from redundant_envs_train.evidence import curves
 from redundant_envs_train.evidence import table as tables
 from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.report import summary
-from redundant_envs_train.rollout import EVALUATION_SEED, EpisodeEnds, expert_act, run_episodes
+from redundant_envs_train.rollout import (
+    EVALUATION_SEED,
+    EpisodeEnds,
+    expert_act,
+    random_act,
+    run_episodes,
+)  # fmt: skip
 from redundant_envs_train.run_folder import read_evaluation
 from redundant_envs_train.training import many
 from redundant_envs_train.training.pool import seeds_of, stop_request
@@ -66,16 +72,31 @@ def test_a_run_with_a_mode_of_actions_is_compared_with_the_expert_in_efforts(tmp
     assert not run_folder.difference(tmp_path)
 
 
+@pytest.mark.parametrize("decide_every", [1, 5])
+def test_clips_keep_time(decide_every, monkeypatch, tmp_path):
+    written = []
+    monkeypatch.setattr(play, "write_clip", lambda path, frames, rate: written.append(len(frames) / rate))
+    play.clip(tmp_path / "clip.gif", RPRP, random_act(0), 1, 0, decide_every=decide_every)
+    assert written == [pytest.approx(2.0, rel=0.11)]  # s, of an episode
+
+
 @pytest.mark.parametrize("decide_every", [3, 5])
 def test_measures_of_a_motion_do_not_depend_on_how_long_a_decision_lasts(decide_every):
     def measures(decide_every, mode, command):
-        act = lambda obs, core, step: np.full((core.num_envs, len(core.actions)), command, np.float32)  # noqa: E731
+        act = turned(command, command)
         task = {"goal_tolerance": 0.9, "hold_speed": 10.0}  # some goals are held from a step of the motion on
         kwargs = {"action": mode, "decide_every": decide_every, "task": task}
         found = run_episodes("redundant_envs/FourRReach-v0", act, 40, EVALUATION_SEED, **kwargs)
         assert found.hold.mean() > 0.0
         return found.effort, found.smoothness, found.time_to_hold
 
+    def turned(*commands):
+        return lambda obs, core, step: np.full(
+            (core.num_envs, len(core.actions)), commands[step % 2], np.float32
+        )
+
+    shaken = run_episodes(RPRP, turned(0.1, -0.1), 4, 0, decide_every=decide_every)
+    np.testing.assert_allclose(shaken.smoothness, 0.2, rtol=1e-6)
     for mode, command in (("effort", 0.2), ("joint_position", 0.1)):
         one, other = measures(decide_every, mode, command), measures(1, mode, command)
         np.testing.assert_allclose(one, other, rtol=1e-12)

@@ -1,5 +1,6 @@
 """Tasks in which redundancy pays: obstacles, light motors, curves and faults."""
 
+import contextlib
 import dataclasses
 
 import gymnasium as gym
@@ -16,6 +17,7 @@ from redundant_envs.simulator.batch.environment import EnvironmentKernel
 from redundant_envs.simulator.lane.dynamics import Dynamics
 from redundant_envs.simulator.lane.episode import Episode
 from redundant_envs.tasks import OWN
+from redundant_envs.tasks.checks import check_task
 from redundant_envs.tasks.parts.draws import first_that_fits
 
 LANES = 512
@@ -268,7 +270,7 @@ def test_a_step_that_a_fault_undoes_does_not_complete_a_hold(arm, name):
         env.reset(seed=3, options={"goal": env.tip + 1e-4, "qd": np.zeros(len(env.core.actions))})
         env.core.memory.write(["hold"], [[env.core.task.hold_steps - 1]], np.array([0]))
         *_, held[action == 0.0] = env.step(np.full(env.action_space.shape, action, np.float32))
-    assert held[True]["is_success"] or name == "ReachLight"  # whose first pose may be a heavy one
+    assert held[True]["is_success"]
     assert not held[False]["is_success"]
     assert held[False]["numerics"] == rde.Numerics.BAD_ACTION
 
@@ -289,6 +291,21 @@ def test_a_task_without_what_it_needs_says_what_to_add(name):
     scene["effects"].append({"type": "DCMotor", **rde.effects.DCMotor.example.numbers})
     with pytest.raises(ValueError, match=r"the task ReachLight counts efforts, and the motors .* take V, V"):
         gym.make("redundant_envs/FourRReachLight-v0", scene=scene)
+
+
+@pytest.mark.parametrize("name", sorted(OWN))
+def test_a_page_says_whether_a_reset_sets_the_goal(name):
+    env = gym.make(f"redundant_envs/TwoR{name}-v0").unwrapped
+    sets = "sets `q`, `qd`, `goal` and `parameters` exactly" in type(env).__doc__
+    refused = pytest.raises(ValueError, match=r"options\['goal'\] is given")
+    with contextlib.nullcontext() if sets else refused:
+        env.reset(seed=0, options={"goal": [0.6, 0.0]})
+
+
+def test_distances_from_obstacles_are_names_of_the_engine():
+    task = type("NearTask", (OWN["ReachAround"],), {"memory": (*OWN["ReachAround"].memory, "near1")})()
+    with pytest.raises(ValueError, match="memory has 'near1', a name of the engine"):
+        check_task(task, rde.load_scene("four_r_around"))
 
 
 @pytest.mark.long

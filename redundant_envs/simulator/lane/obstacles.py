@@ -5,8 +5,8 @@ from functools import reduce
 from typing import Any
 
 from redundant_envs.effects.hooks import Obstacle
-from redundant_envs.effects.obstacles import closest_names, gap_of_link
-from redundant_envs.language.algebra import cases, clamp, minimum, numbered, physics, where
+from redundant_envs.effects.obstacles import closest_names, gap_of_link, near_names
+from redundant_envs.language.algebra import cases, clamp, minimum, physics, where
 from redundant_envs.simulator.lane.fields import Variable, copies, variables
 from redundant_envs.simulator.lane.memory import Lane
 
@@ -50,7 +50,7 @@ class Watch(NoWatch):
     def __init__(self, dynamics: Any) -> None:
         self.dynamics, self.obstacles = dynamics, dynamics.scene.attached.of(Obstacle)
         self.closest = closest_names(dynamics.scene.attached)
-        self.near = tuple(numbered("near{}", len(self.obstacles)))
+        self.near = near_names(dynamics.scene.attached)
 
     def fields(self, saved: bool) -> Iterator[Variable]:
         yield from variables(self.closest, "least clearance of the links in the interval", unit="m")

@@ -130,14 +130,7 @@ class AmongObstacles(ReachTask):
         **ReachTask.ranges, **dict.fromkeys(("hang_low", "hang_high"), (-1e6, 1e6)),
         "bend": (0.0, 1e6), "clear_margin": (1e-9, 2.0),
     }  # fmt: skip
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.hang_low > self.hang_high:
-            raise ValueError(
-                f"{type(self).__name__}.hang_low is {self.hang_low:g}, hang_high is {self.hang_high:g}; "
-                "hang_low must be at most hang_high"
-            )
+    ordered: ClassVar[tuple[tuple[str, str], ...]] = (("hang_low", "hang_high"),)
 
     @property
     def ends(self) -> tuple[str, ...]:  # type: ignore[override]

@@ -32,6 +32,15 @@ def test_a_task_that_names_no_expert_has_computed_torque():
     }
 
 
+@pytest.mark.parametrize("place", ["justaname", "redundant_envs:Nobody", ""])
+def test_a_task_whose_expert_cannot_be_imported_is_named(place):
+    lost = type("LostTask", (rde.ReachTask,), {"name": "Lost", "expert": place})()
+    with pytest.raises(
+        ValueError, match=rf"LostTask.expert is '{place}', .*; give it as 'package.module:Class'"
+    ):
+        expert_of(lost, rde.load_scene("four_r_reach"))
+
+
 @pytest.mark.quick("FourR-ReachAround-0.95-0.8", "FourR-ReachFault-0.9-0.7")
 @pytest.mark.parametrize(
     ("arm", "task", "least", "most"),
