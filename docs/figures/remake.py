@@ -1,11 +1,11 @@
 """Make the pictures of the README and of docs/ again, and the README's results: python docs/figures/remake.py
 
 It takes a minute, trains nothing and measures nothing. Clips and thumbnails show the policies in policies/,
-those of an arm without any computed torque; figures are drawn from the tables in docs/results.
+those of ids without any their experts; figures are drawn from the tables in docs/results.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,12 +42,15 @@ FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results
 CLIPS = {"rprp_reach": "RPRPReach-v0-sac", "four_r_reach": "FourRReach-v0-sac"}
 """Clip -> policy."""
 THUMBNAILS = {
-    "rprp_reach": ("RPRPReach-v0-sac", 4), "four_r_reach": ("FourRReach-v0-sac", 4),
-    "two_r_reach": ("TwoRReach-v0", 4),
+    "rprp_reach": [("RPRPReach-v0-sac", 4, 18)],
+    "four_r_reach": [("FourRReach-v0-sac", 4, 18)],
+    "two_r_reach": [("TwoRReach-v0", 4, 18)],
+    "four_r_tasks": [
+        ("FourRReachLight-v0", 1, 45), ("FourRReachFault-v0", 1, 60), ("FourRReachAround-v0", 1, 45),
+        ("FourRTrack-v0", 1, 120), ("FourRTrackAround-v0", 3, 60),
+    ],
 }  # fmt: skip
-"""Thumbnail -> policy, or id for computed torque, and seed."""
-MOMENT = 18
-"""Control steps of the episode that a thumbnail shows the last of."""
+"""Thumbnail -> its parts, side by side: policy, or id for its expert; seed; control steps until the moment."""
 SIDE = 160
 CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
 """End of a figure's name -> table of runs."""
@@ -66,8 +69,16 @@ FREQUENCY = {"slow_motors": 5.0}
 COLOURS = {"ideal": "#0072B2", "scene": "#D55E00"}
 
 
-def thumbnail(name: str, policy: str, seed: int) -> None:
-    """A small picture of an arm on its way to the goal."""
+def thumbnail(name: str, parts: Sequence[tuple[str, int, int]]) -> None:
+    """Small pictures of arms at their tasks, as one file."""
+    picture = Image.new("RGB", (SIDE * len(parts), SIDE))
+    for k, part in enumerate(parts):
+        picture.paste(moment(*part), (SIDE * k, 0))
+    picture.save(FIGURES / f"{name}.png", optimize=True)
+
+
+def moment(policy: str, seed: int, steps: int) -> Any:
+    """A small picture of the state of an episode after some steps."""
     env_id, kwargs, act = full_id(policy), {}, expert_act()
     if (folder := POLICIES / policy).is_dir():
         config = own_config(folder)
@@ -76,12 +87,12 @@ def thumbnail(name: str, policy: str, seed: int) -> None:
     env = gym.make(env_id, render_mode="rgb_array", **kwargs)
     unwrapped = env.unwrapped
     obs, _ = env.reset(seed=seed)
-    for step in range(MOMENT):
+    for step in range(steps):
         obs, *_ = env.step(act(stacked([obs]), unwrapped.core, step)[0])
         env.render()
     picture = Image.fromarray(unwrapped._renderer.draw(0, written=False)).resize((SIDE, SIDE), Image.LANCZOS)
-    picture.save(FIGURES / f"{name}.png", optimize=True)
     env.close()
+    return picture
 
 
 def clips() -> None:
@@ -191,8 +202,8 @@ def side_by_side(pictures: list[str]) -> str:
 if __name__ == "__main__":
     results(ROOT / "README.md")
     clips()
-    for name, (policy, seed) in THUMBNAILS.items():
-        thumbnail(name, policy, seed)
+    for name, parts in THUMBNAILS.items():
+        thumbnail(name, parts)
     for name, runs in CURVES.items():
         curves([RESULTS / f"{runs}.jsonl"], FIGURES / f"learning_curves{name}.png")
     save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")

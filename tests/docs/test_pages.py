@@ -100,8 +100,8 @@ def test_the_results_of_the_readme_and_thumbnails_are_made_again(tmp_path):
     pytest.importorskip("PIL", reason="pictures need the extra 'plot'")
     remake = runpy.run_path(str(ROOT / "docs" / "figures" / "remake.py"))
     remake["thumbnail"].__globals__["FIGURES"] = tmp_path
-    name, (policy, seed) = next(iter(remake["THUMBNAILS"].items()))
-    remake["thumbnail"](name, policy, seed)
+    name, parts = next(iter(remake["THUMBNAILS"].items()))
+    remake["thumbnail"](name, parts)
     assert (tmp_path / f"{name}.png").stat().st_size < 2e4
     page, lines = tmp_path / "README.md", text(README).splitlines(keepends=True)
     page.write_text("".join(line for line in lines if "| SAC |" not in line), encoding="utf-8")
