@@ -121,18 +121,20 @@ def test_an_action_counts_once_and_a_bad_one_ends_its_lane_at_once():
 
 def test_the_fault_of_any_control_step_is_seen_and_a_goal_is_rewarded_at_the_end():
     name = "redundant_envs/FourRGoalReach-v0"  # a velocity beyond the bound ends no episode of it
-    own = {"scene": stepped("FourR"), "count": 40, "task": {"speed_bound": 6.0}}
+    own = {"scene": stepped("FourR"), "count": 40, "task": {"speed_bound": 6.0, "goal_tolerance": 0.8}}
     one, many = (made("disabled", name, decide_every=k, **own) for k in (1, 3))
     assert [begin(env, seed=0).keys() for env in (one, many)]
-    earlier = np.zeros(40, bool)
+    earlier, returned = np.zeros(40, bool), np.zeros(40)
     for actions in table(40, 4, 12):
         steps = [one.step(actions) for _ in range(3)]
         faults = [info["numerics"] for *_, info in steps]
         _, reward, *_, info = many.step(actions)
         assert np.array_equal(info["numerics"], faults[0] | faults[1] | faults[2])
         assert np.array_equal(reward, steps[-1][1])
+        returned += reward
+        assert np.array_equal(many.core.memory.read(many.core.episode.returns)[:, 0], returned)
         earlier |= (info["numerics"] == 4) & (faults[2] == 0)
-    assert earlier.any()
+    assert earlier.any() and len({*returned}) > 1
 
 
 def test_a_single_environment_ends_after_the_control_steps_of_its_id():

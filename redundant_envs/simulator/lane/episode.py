@@ -32,6 +32,7 @@ from redundant_envs.simulator.lane.sensing import measured, reads_nonsense
 from redundant_envs.tasks.base import Task, depth_beyond, range_of_starts, spring_limits, start_position
 from redundant_envs.tasks.checks import taken_by
 
+BEGUN = "{}_begun"
 TIP, GOAL = ("tip_x", "tip_y"), ("goal_x", "goal_y")
 """Achieved and desired goal, the last columns of the outputs."""
 ENDS = ("terminated", "truncated", "reward")
@@ -75,6 +76,8 @@ class Episode:
         """Uniform draws of an episode: of the start of each joint, then those of the task."""
         self.terms: tuple[str, ...] = task.reward_terms(scene)
         self.returns = tuple(f"{t}_sum" for t in self.terms)
+        self.counted_once = self.returns if decides and task.goal_conditioned else ()
+        """Sums of terms of which the last control step of a decision alone counts, as in its reward."""
         self.goal = GOAL if set(GOAL) <= set(task.memory) else ()
         self.held_outputs = (*ENDS, *task.held_outputs)
         self.placements = task.placements(scene)
@@ -129,6 +132,7 @@ class Episode:
         yield from engine("limit")
         yield from variables(task.memory, "memory", STATE, owner=owner)
         yield from variables(self.returns, "sum of a reward term over the episode", STATE)
+        yield from variables([BEGUN.format(t) for t in self.counted_once], "the same before a decision", STATE)
         yield from engine(*self.counts[len(self.returns) :], *ENDS)
         yield from variables(task.held_outputs, "held output", STATE, owner=owner)
         yield from variables(self.actions, "action in [-1, 1] of the last step, which pictures show", STATE)
@@ -211,6 +215,7 @@ class Episode:
         lane.saturated = lane.saturated + where(defect == 0.0, count, 0.0)
         lane.over, lane.reward, lane.numerics = False, 0.0, 0.0
         lane.set(self.task.summed, [0.0] * len(self.task.summed))
+        lane.copy(self.counted_once, to=BEGUN)
 
     def begin_step_of_decision(self, lane: Lane) -> None:
         if not self.features.local:
@@ -218,16 +223,18 @@ class Episode:
         self.set_commands(lane)
 
     def finish_step_of_decision(self, lane: Lane) -> None:
-        """After a control step of a decision: rewards and costs are summed, faults collected; a lane whose
-        episode has ended stays as it is."""
+        """After a control step of a decision: rewards, but for those of goals, and costs are summed, faults
+        collected; a lane whose episode has ended stays as it is."""
         over, memory = lane.over, (*self.task.memory, *self.task.held_outputs)
         efforts = self.efforts if self.controlled else ()
         before = lane.values((*memory, *self.counts, *ENDS, *efforts))
         lane.numerics = lane.refused
+        lane.copy(self.counted_once, of=BEGUN)
         self.finish_control_step(lane)
         self.interval.undo(lane, over)
         lane.numerics = either(before["numerics"], lane.numerics)
-        lane.reward = before["reward"] + lane.reward
+        if not self.task.goal_conditioned:
+            lane.reward = before["reward"] + lane.reward
         for name in self.task.summed:
             lane[name] = before[name] + lane[name]
         lane.set_where(over, before)
