@@ -50,7 +50,7 @@ THUMBNAILS = {
         ("FourRTrack-v0", 1, 120), ("FourRTrackAround-v0", 3, 60),
     ],
 }  # fmt: skip
-"""Thumbnail -> its parts, side by side: policy, or id for its expert; seed; control steps until the moment."""
+"""Thumbnail -> its parts, side by side: policy, or id for its expert; seed; steps until the moment."""
 SIDE = 160
 CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
 """End of a figure's name -> table of runs."""

@@ -94,15 +94,23 @@ def depth_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
 
 
 @physics
-def gap_of_link(xa, ya, xb, yb, centre_x, centre_y, radius):
-    """-depth_of_link, with one reciprocal for all discs of a scene in place of two divisions for each: the
-    watch of a step needs many gaps."""
+def square_of_link(xa, ya, xb, yb, centre_x, centre_y):
+    """Square of the distance of a link from the centre, with one reciprocal for all discs of a scene in place
+    of two divisions for each: the watch of a step needs many."""
     ux, uy = xb - xa, yb - ya
     per_square = 1.0 / (ux * ux + uy * uy + TINY)
     dx, dy = xa - centre_x, ya - centre_y
     s = clamp(-(dx * ux + dy * uy) * per_square, 0.0, 1.0)
     dx, dy = dx + s * ux, dy + s * uy
-    return sqrt(dx * dx + dy * dy + TINY) - radius
+    return dx * dx + dy * dy + TINY
+
+
+@physics
+def gap_of_square(measure, radius):
+    return sqrt(measure) - radius
+
+
+OBSTACLE = Obstacle(gap_of_square, measure=square_of_link)
 
 
 def deepest_of(count: int) -> Any:
@@ -171,7 +179,7 @@ class Disc(Effect):
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         at_tip = (Force(Point(arm.num_masses - 1), **AT_TIP),)
-        return (*(_along_links(arm) if self.along_links else at_tip), Obstacle(gap_of_link))
+        return (*(_along_links(arm) if self.along_links else at_tip), OBSTACLE)
 
 
 def check_base(kind: str, centre: Numbers, radius: float) -> None:

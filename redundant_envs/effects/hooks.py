@@ -20,7 +20,7 @@ from redundant_envs.robots.arm import Arm as Arm
 
 # Arguments of functions that are no quantities of the arm.
 ELAPSED, PASSED, CONTROL_DT, SIDE, SPEED = "elapsed", "passed", "control_dt", "side", "speed"
-ENDS_OF_LINK = "xa", "ya", "xb", "yb"  # of a link, in functions of an obstacle
+ENDS_OF_LINK, MEASURE = ("xa", "ya", "xb", "yb"), "measure"  # in functions of an obstacle
 WHEN = "interval", "instant"
 MAX_INSTANTS = 4
 """Most instants in a scene: each adds a piece to every interval."""
@@ -344,10 +344,15 @@ class Obstacle:
     counted from 1, in the order of its effects. For obstacle k a task may take ``clearance<k>``, the gap of
     the nearest link; ``clearance<k>_<j>``, that of link j from the base; and after a control step
     ``closest<k>``, the least clearance within it.
+
+    A gap with a kink where a link passes, like the distance from a point, comes of a ``measure``: that takes
+    the ends of the link, is smooth and grows with the gap, like the square of the distance, and ``gap`` takes
+    its value, as ``measure``. Its least value within a step is sought.
     """
 
     gap: Callable[..., Any]
     bind: Mapping[str, str] = field(default_factory=dict)
+    measure: Callable[..., Any] | None = None
 
 
 Hook = (

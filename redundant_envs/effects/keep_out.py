@@ -1,8 +1,8 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import contact, shapes
-from redundant_envs.effects.disc import check_base, gap_of_link
-from redundant_envs.effects.hooks import Arm, Effect, Hook, Obstacle, named
+from redundant_envs.effects.disc import OBSTACLE, check_base
+from redundant_envs.effects.hooks import Arm, Effect, Hook, named
 from redundant_envs.effects.numbers import Example, Numbers, checked, one, pair, positive, text
 
 
@@ -39,4 +39,4 @@ class KeepOut(Effect):
         return (shapes.Circle((x, y), self.radius),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
-        return (Obstacle(gap_of_link),)
+        return (OBSTACLE,)

@@ -5,7 +5,7 @@ from functools import reduce
 from typing import Any
 
 from redundant_envs.effects.bound_hooks import Attached, Attachments
-from redundant_envs.effects.hooks import ENDS_OF_LINK, Obstacle
+from redundant_envs.effects.hooks import ENDS_OF_LINK, MEASURE, Obstacle
 from redundant_envs.language.algebra import gives_of, minimum, numbered, physics
 from redundant_envs.robots.arm import Arm
 
@@ -39,7 +39,7 @@ def distance_names(attached: Attachments, arm: Arm) -> list[str]:
 def _of_link(obstacle: Attached[Obstacle], name: str, link: int) -> Callable[..., Any]:
     """The gap of a link; the first one begins at the base."""
     ends = [f"{axis}{n}" for n in (link, link + 1) if n for axis in "xy"]
-    numbers = [n for n in obstacle.functions["gap"].names if n not in ENDS_OF_LINK]
+    numbers = numbers_of(obstacle)
 
     @physics(gives=name, takes=(*ends, *numbers))
     def clearance(*values: Any) -> Any:
@@ -59,7 +59,27 @@ def least_of(names: Sequence[str], name: str) -> Callable[..., Any]:
     return least
 
 
+def numbers_of(obstacle: Attached[Obstacle]) -> tuple[str, ...]:
+    """Names of the numbers that the gap of a link depends on, beside its ends."""
+    taken = dict.fromkeys(name for f in obstacle.functions.values() for name in f.names)
+    return tuple(name for name in taken if name not in (*ENDS_OF_LINK, MEASURE))
+
+
+def measure_of_link(obstacle: Attached[Obstacle], places: Sequence[Any], numbers: Mapping[str, Any]) -> Any:
+    """The measure of a link whose ends are at these places (xa, ya, xb, yb), or else its gap [m]."""
+    measure = obstacle.functions.get("measure", obstacle.functions["gap"])
+    known = {**numbers, **dict(zip(ENDS_OF_LINK, places, strict=True))}
+    return measure.on(known[name] for name in measure.names)
+
+
+def gap_at(obstacle: Attached[Obstacle], measure: Any, numbers: Mapping[str, Any]) -> Any:
+    """The gap of which this is the measure, or else the gap itself, m."""
+    if "measure" not in obstacle.functions:
+        return measure
+    gap = obstacle.functions["gap"]
+    return gap.on(measure if name == MEASURE else numbers[name] for name in gap.names)
+
+
 def gap_of_link(obstacle: Attached[Obstacle], places: Sequence[Any], numbers: Mapping[str, Any]) -> Any:
-    """The gap of a link whose ends are at these places (xa, ya, xb, yb), m."""
-    gap, known = obstacle.functions["gap"], dict(zip(ENDS_OF_LINK, places, strict=True))
-    return gap.on(known[n] if n in known else numbers[n] for n in gap.names)
+    """The gap of a link whose ends are at these places, m."""
+    return gap_at(obstacle, measure_of_link(obstacle, places, numbers), numbers)

@@ -338,7 +338,8 @@ class _Known:
         if DRAW.fullmatch(name):
             return set() if isinstance(part, State) and field in TAKING_DRAWS else None
         if isinstance(part, hooks.Obstacle):
-            return set() if name in hooks.ENDS_OF_LINK else None
+            of_measure = field == "gap" and part.measure is not None
+            return set() if name in ((hooks.MEASURE,) if of_measure else hooks.ENDS_OF_LINK) else None
         is_time = name == hooks.CONTROL_DT or (name == hooks.ELAPSED and field == "closed")
         if is_time or (name == hooks.SPEED and field == "limit"):
             return set()

@@ -5,7 +5,7 @@ from functools import reduce
 from typing import Any
 
 from redundant_envs.effects.hooks import Obstacle
-from redundant_envs.effects.obstacles import closest_names, gap_of_link, near_names
+from redundant_envs.effects.obstacles import closest_names, gap_at, measure_of_link, near_names, numbers_of
 from redundant_envs.language.algebra import cases, clamp, minimum, physics, where
 from redundant_envs.simulator.lane.fields import Variable, copies, variables
 from redundant_envs.simulator.lane.memory import Lane
@@ -41,10 +41,10 @@ class Watch(NoWatch):
     """Least clearances within the steps of an interval.
 
     In a step the ends of links move along the cubics that have their places and velocities at both ends of
-    the step (Hermite). The gaps of each link at the start, in the middle and at the end of the step tell when
-    the gap of which link is least, and it is computed there, too. Under error control no link turns by more
+    the step (Hermite). The measures of each link at the start, in the middle and at the end of the step tell
+    when that of which link is least, and it is computed there, too. Under error control no link turns by more
     than half a radian in a step: a place is off by 0.5^4 / 384, or 1.6e-4, of its distance from the base
-    at most. Deep in a disc, where links pass its centre, the least gap is less exact than at its edge.
+    at most. A disc much smaller than the way of a link in the step may be passed unseen.
     """
 
     def __init__(self, dynamics: Any) -> None:
@@ -63,8 +63,7 @@ class Watch(NoWatch):
 
     def note_step(self, lane: Lane, before: Iterable[Any], now: Iterable[Any], h: Any) -> None:
         motions = [self._motion(lane, states) for states in (before, now)]
-        numbers = {n: lane[n] for o in self.obstacles for n in o.functions["gap"].names if n in lane}
-
+        numbers = {name: lane[name] for o in self.obstacles for name in numbers_of(o)}
         pairs = [*zip(*motions, strict=True)]
 
         def links_at(share: Any) -> list[Ends]:
@@ -75,8 +74,8 @@ class Watch(NoWatch):
         for name, obstacle in zip(self.near, self.obstacles, strict=True):
             sampled, shares, lowest = [], [], []
             for link in zip(first, middle, last, strict=True):
-                sampled += (gaps := [gap_of_link(obstacle, places, numbers) for places in link])
-                share, value = lowest_between(*gaps)
+                sampled += (three := [measure_of_link(obstacle, places, numbers) for places in link])
+                share, value = lowest_between(*three)
                 shares.append(share)
                 lowest.append(value)
             least = reduce(minimum, lowest)
@@ -84,7 +83,8 @@ class Watch(NoWatch):
             share = cases(*zip((c for c, _ in chosen), shares, strict=True), default=0.5)
             ends = links_at(share)
             place = [cases(*((c, ends[n][k]) for c, n in chosen), default=ends[-1][k]) for k in range(4)]
-            lane[name] = reduce(minimum, [*sampled, gap_of_link(obstacle, place, numbers)])
+            found = [*sampled, measure_of_link(obstacle, place, numbers)]
+            lane[name] = gap_at(obstacle, reduce(minimum, found), numbers)
 
     def _motion(self, lane: Lane, states: Iterable[Any]) -> list[tuple[Any, Any]]:
         """x and y of each point mass with their rates, in the order of links."""

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from redundant_envs.effects.hooks import ENDS_OF_LINK, Obstacle
-from redundant_envs.effects.obstacles import closest_names, gap_of_link, least_of
+from redundant_envs.effects.hooks import Obstacle
+from redundant_envs.effects.obstacles import closest_names, gap_of_link, least_of, numbers_of
 from redundant_envs.language.algebra import maximum, minimum, numbered, physics, squash, tolerance, where
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.tasks.reach import ReachTask, terms_of_distance
@@ -23,8 +23,7 @@ def clearance_of_points(
 
 def _of_point(scene: Scene, point: tuple[str, str], name: str) -> Function:
     obstacles = scene.attached.of(Obstacle)
-    taken = (n for o in obstacles for n in o.functions["gap"].names if n not in ENDS_OF_LINK)
-    numbers = tuple(dict.fromkeys(taken))
+    numbers = tuple(dict.fromkeys(name for o in obstacles for name in numbers_of(o)))
 
     @physics(gives=name, takes=(*point, *numbers))
     def clearance_of_point(x: Any, y: Any, *values: Any) -> Any:
