@@ -26,7 +26,7 @@ ACTIONS: dict[str, Callable[[int], Act]] = {
     "random": random_act, "expert": lambda seed: expert_act(), "near": lambda seed: expert_act(baseline_of),
 }  # fmt: skip
 """Sources of actions without a policy, from a seed."""
-CLIP_EVERY = 2  # control steps from frame to frame
+CLIP_EVERY = 2  # control steps from frame to frame, unless a decision takes more
 LARGEST_CLIP = 1 << 29
 """Bytes of the frames of a clip, which all are in memory until it is written: half a minute by default."""
 
@@ -80,9 +80,10 @@ def act_of(folder: Path, config: Config, trust: bool) -> Act:
 
 
 def _episode(env: Any, act: Act, seed: int, after_step: Callable[[int], Any]) -> str:
-    """Run an episode and say how it ended; ``after_step`` gets its steps so far, and ends it by True."""
+    """Run an episode and say how it ended; ``after_step`` gets its steps so far, first 0, and ends it by
+    True."""
     obs, info = env.reset(seed=seed)
-    core, done, step, returned = env.unwrapped.core, False, 0, 0.0
+    core, done, step, returned = env.unwrapped.core, bool(after_step(0)), 0, 0.0
     while not done:
         obs, reward, terminated, truncated, info = env.step(act(stacked([obs]), core, step)[0])
         returned += float(reward)
@@ -100,11 +101,11 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
     """Whole episodes as a clip, GIF or MP4 by its ending."""
     env: Any = gym.make(env_id, render_mode="rgb_array", **kwargs)
     frames: list[NDArray[np.uint8]] = []
-    is_full = False
+    every, is_full = max(CLIP_EVERY // env.unwrapped.core.decide_every, 1), False
 
     def keep(step: int) -> bool:
         nonlocal is_full
-        if step % CLIP_EVERY == 0:
+        if step % every == 0:
             frame = np.asarray(env.render())
             is_full = (len(frames) + 1) * frame.nbytes > LARGEST_CLIP
             if not is_full:
@@ -118,4 +119,4 @@ def clip(path: Path, env_id: str, act: Act, episodes: int, seed: int, **kwargs: 
     if is_full:
         there = f"{path.name} shows {len(frames)} frames alone, {LARGEST_CLIP >> 20} MiB of memory"
         say(f"{there}; a smaller render_width has room for more", file=sys.stderr)
-    write_clip(path, frames, max(round(env.unwrapped.core.frames_per_second / CLIP_EVERY), 1))
+    write_clip(path, frames, max(round(env.unwrapped.core.frames_per_second / every), 1))

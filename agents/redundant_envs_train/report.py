@@ -55,11 +55,14 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     n = config.evaluation_episodes
     policy = run_episodes(config.env, policy_act(model), n, EVALUATION_SEED, **config.env_kwargs)
     core = make_sb3(config.env, 1, **config.env_kwargs).core
-    expert = None
+    expert, refusal = None, None
     if core.goal_fields:
         kwargs = {name: value for name, value in config.env_kwargs.items() if name not in OF_ACTIONS}
         kwargs["scene"] = without_mode(core.scene)
-        expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **kwargs)
+        try:
+            expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **kwargs)
+        except ValueError as error:  # it knows no such scene; the policy is evaluated all the same
+            refusal = " ".join(str(error).split())
     missed = np.ones(n, np.bool_) if policy.hold is None else ~policy.hold
     failures = failures_of(core.task, policy, missed)
     for failed in failures.values():
@@ -73,7 +76,8 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
         "failures": {words: int(failed.sum()) for words, failed in failures.items()},
         "stopped": int((missed & policy.ended).sum()),
         "faults": {fault.name: count for fault in Numerics if (count := sum(fault in e for e in ended))},
-        "better": {} if expert is None else better(policy, expert),
+        "better": {} if expert is None else better(policy, expert, not core.episode.controlled),
+        "expert_refusal": refusal,
         # success says more than these, where a task tells it
         "metrics": {} if policy.hold is not None else {k: float(v.mean()) for k, v in policy.metrics.items()},
         **{name: facts[name] for name in ("env_steps", "train_seconds")},
@@ -140,6 +144,8 @@ COMPARED: dict[str, tuple[str, Statistic, bool]] = {
     "mean_return": ("returns", np.mean, True),
 }  # fmt: skip
 """Measures of an evaluation: the field of an outcome, its statistic, and whether more is better."""
+OF_EFFORTS = ("effort", "smoothness")
+"""Those of the actions."""
 
 
 def measures(who: str, outcome: EpisodeEnds | None) -> dict[str, float | None]:
@@ -152,11 +158,14 @@ def measures(who: str, outcome: EpisodeEnds | None) -> dict[str, float | None]:
     return results
 
 
-def better(policy: EpisodeEnds, expert: EpisodeEnds) -> dict[str, bool | None]:
+def better(policy: EpisodeEnds, expert: EpisodeEnds, with_efforts: bool = True) -> dict[str, bool | None]:
     """For each measure that both have, whether the policy is better than the expert at the same goals; None:
-    no difference beyond chance. Times are compared by the medians over the goals that each has held."""
+    no difference beyond chance. Times are compared by the medians over the goals that each has held, and
+    actions only ``with_efforts``: if those of the policy are efforts, too."""
     verdicts: dict[str, bool | None] = {}
     for name, (field, statistic, more) in COMPARED.items():
+        if name in OF_EFFORTS and not with_efforts:
+            continue
         ours, other = getattr(policy, field), getattr(expert, field)
         if ours is None or other is None or np.isnan([statistic(x, axis=0) for x in (ours, other)]).any():
             continue
@@ -171,13 +180,21 @@ def table_of(result: Mapping[str, Any]) -> Markdown:
 
 
 def summary(result: Mapping[str, Any]) -> str:
-    who = f"{LABELS[result['algo']]} on {result['env']}, seed {result['seed']}"
+    text = f"{LABELS[result['algo']]} on {result['env']}, seed {result['seed']}: {outcome(result)}"
+    if refusal := result.get("expert_refusal"):
+        expert = expert_name(result["env"])
+        text += f" The policy is compared with nothing, since {expert} refuses its scene: {refusal}."
+    return text
+
+
+def outcome(result: Mapping[str, Any]) -> str:
+    """What a policy holds or returns, and why it failed, in sentences."""
     if result["hold_success"] is None:
         returned = f"mean return {result['mean_return']:.1f} over {result['episodes']} episodes"
-        return f"{who}: {returned}. {untold(result)}"
+        return f"{returned}. {untold(result)}"
     low, high = (100 * end for end in result["interval"])
     held = f"hold success {100 * result['hold_success']:.1f} % of {result['episodes']} episodes"
-    text = f"{who}: {held} (95 % interval {low:.1f} to {high:.1f} %)."
+    text = f"{held} (95 % interval {low:.1f} to {high:.1f} %)."
     missed = round((1.0 - result["hold_success"]) * result["episodes"])
     return f"{text} {misses(result, missed)}" if missed else text
 
@@ -185,7 +202,7 @@ def summary(result: Mapping[str, Any]) -> str:
 def untold(result: Mapping[str, Any]) -> str:
     """What a task without success leaves unknown, and the faults, in sentences."""
     text = "The task tells no is_success, so whether an episode succeeded is unknown."
-    if result["expert_mean_return"] is None:
+    if result["expert_mean_return"] is None and not result.get("expert_refusal"):
         text += " It has no goal, which computed torque needs: the policy is compared with nothing."
     if result["stopped"]:
         text += f" A fault ended {result['stopped']} of {result['episodes']} episodes ({faults(result)})."
@@ -198,15 +215,15 @@ def faults(result: Mapping[str, Any]) -> str:
 
 def misses(result: Mapping[str, Any], missed: int) -> str:
     head = f"Missed {missed} goal{'s' * (missed > 1)}"
-    known = [result[name] for name in ("restless", "passed", "stopped")]
-    if None in known:
+    if result["stopped"] is None:  # an evaluation of an older version
         return f"{head}."
-    failures = result.get("failures", {})
-    reasons = {
-        "the tip arrived but was still moving": known[0], "the tip arrived and left": known[1],
-        "the tip never got there": missed - sum(known) - sum(failures.values()),
-        f"a fault ended the episode ({faults(result)})": known[2], **failures,
+    told = {
+        "the tip arrived but was still moving": result["restless"],
+        "the tip arrived and left": result["passed"],
+        f"a fault ended the episode ({faults(result)})": result["stopped"], **result.get("failures", {}),
     }  # fmt: skip
+    others = "the time ended before" if result["passed"] is None else "the tip never got there"
+    reasons = {**told, others: missed - sum(filter(None, told.values()))}
     causes = [text if count == missed else f"in {count} {text}" for text, count in reasons.items() if count]
     both = result["missed_by_both"]
     expert = expert_name(result["env"])

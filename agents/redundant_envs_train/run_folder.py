@@ -120,6 +120,7 @@ class Evaluation(Model):
     expert_effort: Amount | None = None
     expert_smoothness: Amount | None = None
     expert_mean_return: Number | None
+    expert_refusal: Line | None = None  # why it does not act in the scene
     restless: Count | None = None  # goals that were missed, by what happened: the tip moved there
     passed: Count | None = None  # the tip was there and left
     missed_by_both: Count | None = None

@@ -19,6 +19,7 @@ import yaml
 from run_folders import POLICIES, REFUSALS, RPRP, change, kept, readers, says, write_run, write_scene_file
 from short_trainings import SMALL, assert_same_policy, small_config
 
+import redundant_envs as rde
 from redundant_envs import __main__ as library
 from redundant_envs.compiler.backends import llvm
 from redundant_envs_train import play, report, run_folder
@@ -69,10 +70,21 @@ def test_a_run_with_a_mode_of_actions_is_compared_with_the_expert_in_efforts(tmp
     found = report.evaluate(tmp_path).result
     plain = run_episodes(RPRP, expert_act(), 5, EVALUATION_SEED, max_episode_steps=40)
     assert found["expert_mean_return"] == plain.returns.mean()
+    assert not {"effort", "smoothness"} & found["better"].keys()  # of other units
     assert not run_folder.difference(tmp_path)
 
 
-@pytest.mark.parametrize("decide_every", [1, 5])
+def test_a_policy_is_evaluated_where_the_expert_refuses_the_scene(tmp_path):
+    scene = rde.load_scene("rprp_reach").to_dict()
+    scene["effects"].append({"type": "MotorLoss", "joint": 1, "at": 0.3})
+    name = "redundant_envs/RPRPReachFault-v0"
+    train(small_config("ppo", env=name, env_kwargs={"scene": scene, "max_episode_steps": 40}), tmp_path)
+    found = report.evaluate(tmp_path).result
+    assert (found["hold_success"], found["expert_hold_success"]) == (0.0, None)
+    assert "the expert of ReachFault refuses its scene: effects has the faults [MotorLoss(" in summary(found)
+
+
+@pytest.mark.parametrize("decide_every", [1, 5, 150])
 def test_clips_keep_time(decide_every, monkeypatch, tmp_path):
     written = []
     monkeypatch.setattr(play, "write_clip", lambda path, frames, rate: written.append(len(frames) / rate))
@@ -126,8 +138,10 @@ def test_a_verdict_is_about_all_measures_and_what_differs_beyond_chance():
         ({"restless": 1}, "Missed 1 goal: the tip arrived but was still moving."),
         ({"passed": 1, "missed_by_both": 1}, "arrived and left. Computed torque missed 1 of them, too."),
         ({"hold_success": 0.997, "restless": 1, "stopped": 1, "faults": {"SPEED_BOUND": 1}},
-         "Missed 3 goals: in 1 the tip arrived but was still moving, in 1 the tip never got there, in 1 a "
-         "fault ended the episode (SPEED_BOUND: 1)."),
+         "Missed 3 goals: in 1 the tip arrived but was still moving, in 1 a fault ended the episode "
+         "(SPEED_BOUND: 1), in 1 the tip never got there."),
+        ({"hold_success": 0.98, "restless": None, "passed": None, "failures": {"the tip left": 18}},
+         "Missed 20 goals: in 18 the tip left, in 2 the time ended before."),
     ],
 )  # fmt: skip
 def test_a_report_says_why_goals_were_missed(counts, words):
