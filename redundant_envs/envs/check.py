@@ -126,11 +126,17 @@ class _VectorCheck(_Check):
         self.keep(self.env.reset(seed=self.seed)[0])
         rewards = []
         for action in actions:
-            obs, reward, *_ = self.step(action)
+            obs, reward, terminated, truncated, _ = self.step(action)
             self.keep(obs)
             rewards.append(np.array(reward))
+            self.begin_anew(terminated | truncated)
         self.check_kept()
         return [copied for _, copied in self.returned] + rewards
+
+    def begin_anew(self, ended: np.ndarray[Any, np.dtype[np.bool_]]) -> None:
+        """Reset ended environments where nobody else does: without that none may be stepped."""
+        if self.env.metadata["autoreset_mode"] is AutoresetMode.DISABLED and ended.any():
+            self.env.reset(options={"reset_mask": ended})
 
     def step(self, action: Any) -> tuple[Any, ...]:
         """A step whose results were checked."""

@@ -5,7 +5,7 @@ import itertools
 import gymnasium as gym
 import numpy as np
 import pytest
-from faces import FOUR_R, made
+from faces import FOUR_R, MODES, made
 from gymnasium import spaces
 
 import redundant_envs as rde
@@ -109,6 +109,18 @@ def test_a_broken_environment_is_caught(rules, rule, mode, spoils):
 def test_every_rule_has_a_case():
     assert {rule for rule, _ in VECTOR} == set(VECTOR_RULES)
     assert {rule for rule, _ in SB3} == set(SB3_RULES)
+
+
+@pytest.mark.quick("disabled-2")
+@pytest.mark.parametrize("steps", [1, 2, 3])
+@pytest.mark.parametrize("mode", [*MODES, "sb3"])
+def test_episodes_of_a_few_steps_pass(mode, steps):
+    rde.check_vec_env(made(mode, FOUR_R, max_episode_steps=steps))
+
+
+def test_one_environment_that_ends_early_passes():
+    ends = {"decide_every": 7, "action": "joint_velocity"}  # with the seed of the checker, the third one
+    rde.check_vec_env(made("disabled", "redundant_envs/FourRGoalReachAround-v0", 5, **ends))
 
 
 def test_something_else_is_refused():
