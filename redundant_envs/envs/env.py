@@ -134,8 +134,8 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
 
     def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
         """Set an attribute, or a number from the next episode on, without ``force`` only if it is there;
-        returns whether it was set."""
-        there = force or self.has_wrapper_attr(name)
+        returns whether it was set. ValueError for an argument, which wrappers would set for themselves."""
+        there = force or self.has_wrapper_attr(name) or self._is_of_make(name)
         if there:
             setattr(self, name, value)
         return there

@@ -17,6 +17,7 @@ from redundant_envs.envs.arguments import check_action, refuse_bad_action
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.options import checked_options
 from redundant_envs.envs.outputs import Outputs
+from redundant_envs.envs.registration import ARGUMENTS, OF_PICTURES
 from redundant_envs.model.memory import alone, first
 from redundant_envs.model.parameters import lanes_of
 from redundant_envs.scenes.numbers import names_of
@@ -31,6 +32,8 @@ LANE_VALUES = ("q", "qd", "tip", "goal", "parameters")  # properties that lanes 
 MOVING = ("core", "_memory", "_np_random", "_actions")  # attributes that steps change
 MADE_ANEW = ("_renderer", "_lane")  # attributes that copies make when they need them
 SHARED = ("on_bad_action", "render_mode", "metadata")  # attributes of all together that set_attr sets
+AT_MAKE = {*ARGUMENTS, *OF_PICTURES, "autoreset_mode", "threads"} - {*SHARED}
+"""Arguments of environments that later changes do not reach."""
 PICTURE_SIZE, MIN_SIZE, MAX_SIZE = 480, 32, 4096
 """Sizes of pictures, px: by default, and the least and the largest that one may ask for."""
 OF_ARM = {"m": "masses", "l": "lengths"}
@@ -196,6 +199,10 @@ class EnvBase:
     def __setattr__(self, name: str, value: Any) -> None:
         if name in LANE_VALUES:
             raise AttributeError(f"{name} cannot be set: {COPIES}")
+        if self._is_of_make(name):
+            raise ValueError(self._refusal(name))
+        if name in SHARED:
+            self._check_choice(name, value)
         if name == "spec" and value is not None:  # as it was given, a file could not hold it
             kwargs = plain_data(value.kwargs)
             steps = kwargs.get("max_episode_steps", plain_data(value.max_episode_steps))  # a vector's own
@@ -214,6 +221,21 @@ class EnvBase:
             return bool(names_of(self.scene, name, self.core.task.parameters()))
         except ValueError:
             return False
+
+    def _is_of_make(self, name: str) -> bool:
+        """Whether a name is that of an argument, or of a field of the task, that no later change reaches."""
+        if "core" not in self.__dict__ or name.startswith("_") or self._is_number(name):
+            return False
+        return name in AT_MAKE or name in {field.name for field in dataclasses.fields(self.core.task)}
+
+    def _refusal(self, name: str) -> str:
+        """The message about an attribute that would change nothing."""
+        fix = "make another environment with it, " if self._is_of_make(name) else ""
+        return (
+            f"set_attr({name!r}) would have no effect; {fix}use set_options(...) with 'q', 'qd', 'goal' or "
+            f"'parameters', or name one of these: {', '.join(self.parameters)}; or for all environments "
+            f"{', '.join(SHARED)}"
+        )
 
     def set_options(self, options: Mapping[str, Any] | None = None) -> None:
         """Options of the next episode, as ``reset`` takes them; without any, forget those that wait. They are
@@ -336,12 +358,7 @@ class VectorEnvBase(EnvBase):
             self.core.let_wait({"parameters": {name: value}}, lanes, keep=True)
             return
         if name not in SHARED or len(lanes) != self.core.num_envs:
-            valid = f"{', '.join(self.parameters)}; or for all environments {', '.join(SHARED)}"
-            raise ValueError(
-                f"set_attr({name!r}) would have no effect; use set_options(...) with 'q', 'qd', 'goal' or "
-                f"'parameters', or name one of these: {valid}"
-            )
-        self._check_choice(name, value)
+            raise ValueError(self._refusal(name))
         setattr(self, name, value)
 
     @first

@@ -135,3 +135,37 @@ def test_what_can_have_no_effect_is_refused(kind, name, value, words):
     env = running(kind, FOUR_R)
     refused(env, lambda env: env.set_attr(name, value), words)
     assert not env.core.waiting_options
+
+
+SET = {
+    "attribute": lambda env, name: setattr(env.unwrapped, name, True),
+    "set_attr": lambda env, name: env.unwrapped.set_attr(name, True),
+    "set_wrapper_attr": lambda env, name: env.set_wrapper_attr(name, True),
+}
+WAYS = {"single": ("attribute", "set_wrapper_attr"), "next_step": ("attribute", "set_attr")}
+OF_MAKE = (
+    "scene", "task", "terminate_on_touch", "decide_every", "info_keys", "max_episode_steps", "render_width",
+    "autoreset_mode", "start_angle", "hold_steps",
+)  # fmt: skip
+"""Arguments, and numbers that mean nothing in the task."""
+
+
+@pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
+@pytest.mark.parametrize("name", OF_MAKE)
+def test_arguments_are_refused_in_every_way_to_set_them(kind, name):
+    env = made(kind, "redundant_envs/FourRTrackAround-v0", max_episode_steps=SHORT)
+    begin(env, seed=3)
+    messages = set()
+    for way in WAYS.get(kind, WAYS["next_step"]):
+        with pytest.raises(ValueError, match=rf"'{name}'.* no effect; make another environment") as error:
+            SET[way](env, name)
+        messages.add(str(error.value))
+        assert not any(vars(one).get(name) is True for one in (env, env.unwrapped))
+    assert len(messages) == 1
+    env.unwrapped.of_a_library = 3
+    assert env.unwrapped.of_a_library == 3
+
+
+@pytest.mark.parametrize("name", ["on_bad_action", "render_mode"])
+def test_attributes_of_all_have_valid_choices_alone(face, name):
+    refused(running(face, FOUR_R), lambda env: setattr(env, name, "ansi"), f"{name} is 'ansi'; choose ")
