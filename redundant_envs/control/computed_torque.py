@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from redundant_envs.control.following import normalized
 from redundant_envs.control.nominal import NominalModel
 from redundant_envs.control.poses import pose_at
-from redundant_envs.control.time_law import minimum_jerk
+from redundant_envs.control.time_law import latest_end, minimum_jerk
 from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ class ComputedTorque:
     ----------
     scene : Scene
     duration : float
-        Time of the planned motion, s.
+        Time of the planned motion, s; shorter where the goal has to be held sooner.
     frequency : float
         Of the critically damped error dynamics, rad/s.
     pose : callable
@@ -40,24 +40,28 @@ class ComputedTorque:
         self.model = NominalModel(scene)
         self.limits = self.model.limits
         self._start, self._end = np.zeros((2, 0, self.model.joints))
+        self._seconds = np.zeros((0, 1))
 
     def begin(
         self, q: Array, goal: Array, index: NDArray[np.intp] | None = None,
         numbers: Mapping[str, Array] = NO_NUMBERS,
     ) -> None:  # fmt: skip
-        """Plan new episodes from poses (n, joints) to goals (n, 2), of all lanes or those in ``index``;
-        the numbers of the episodes are not needed."""
+        """Plan new episodes from poses (n, joints) to goals (n, 2), of all lanes or those in ``index``.
+        Of their numbers ``limit`` and ``hold_steps`` say how soon the goal has to be held."""
         end = self.pose(self.scene, q, goal)
+        seconds = np.minimum(latest_end(numbers, self.scene.control_dt), self.duration)[:, None]
         if index is None:
             self._start, self._end = q.copy(), end
+            self._seconds = np.broadcast_to(seconds, (len(q), 1)).copy()
         else:
-            self._start[index], self._end[index] = q, end
+            self._start[index], self._end[index], self._seconds[index] = q, end, seconds
 
     def action(self, t: Array | float, q: Array, qd: Array) -> NDArray[np.float32]:
         """Actions (n, joints) in [-1, 1] at times ``t`` [s] since each episode began."""
-        s = np.broadcast_to(np.clip(np.divide(t, self.duration), 0.0, 1.0), len(q))[:, None]
+        seconds = self._seconds
+        s = np.clip(np.broadcast_to(t, len(q))[:, None] / seconds, 0.0, 1.0)
         distance, model, w = self._end - self._start, self.model, self.frequency
         share, rate, change = minimum_jerk(s)
-        qdd = distance * change / self.duration**2
-        qdd += 2.0 * w * (distance * rate / self.duration - qd) + w * w * (self._start + distance * share - q)
+        qdd = distance * change / seconds**2
+        qdd += 2.0 * w * (distance * rate / seconds - qd) + w * w * (self._start + distance * share - q)
         return normalized(model, model.efforts(q @ model.b, qd @ model.b, qdd @ model.b))

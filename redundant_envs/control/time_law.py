@@ -3,6 +3,7 @@ scaled as in Hollerbach, "Dynamic scaling of manipulator trajectories" (1984).""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from redundant_envs.control.poses import far_apart
 
 Array = NDArray[np.float64]
 POINTS = 201  # of a way: its corners are rounded over 12 points and more
+REST = 0.1  # s, between a motion and the time from which the goal has to be held
+SOONEST = 0.2  # s, of a motion where the goal has to be held at once
 SAMPLES = np.linspace(0.0, 1.0, 41)  # shares of the time at which efforts are compared with their limits
 
 
@@ -73,8 +76,8 @@ def at_shares(ways: Array, s: Array) -> Motion:
 
 
 def quickest(model: NominalModel, ways: Array, seconds: Array, most: float) -> tuple[Array, Array]:
-    """The shortest of the times ``seconds`` in which no motor exceeds the share ``most`` of its limit, and
-    the largest share then, (n,) each; the time of the least share where all exceed it.
+    """The shortest of the times ``seconds``, (k,) or (k, n), in which no motor exceeds the share ``most`` of
+    its limit, and the largest share then, (n,) each; the time of the least share where all exceed it.
 
     Times T scale efforts exactly: those of accelerations by 1 / T^2, of friction by 1 / T, and gravity not.
     """
@@ -83,11 +86,21 @@ def quickest(model: NominalModel, ways: Array, seconds: Array, most: float) -> t
     weight = model.efforts(unit.phi, still, still)
     friction = model.friction * unit.phid
     inertial = model.efforts(*unit) - weight - friction
+    seconds = np.broadcast_to(seconds if seconds.ndim > 1 else seconds[:, None], (len(seconds), len(ways)))
+    times = seconds[..., None, None]
     loads = np.stack(
-        [(np.abs(inertial / t**2 + friction / t + weight) / model.limits).max(axis=(1, 2)) for t in seconds]
+        [(np.abs(inertial / t**2 + friction / t + weight) / model.limits).max(axis=(1, 2)) for t in times]
     )
-    best = np.where((loads < most).any(axis=0), (loads < most).argmax(axis=0), loads.argmin(axis=0))
-    return seconds[best], np.take_along_axis(loads, best[None], axis=0)[0]
+    best = np.where((loads < most).any(axis=0), (loads < most).argmax(axis=0), loads.argmin(axis=0))[None]
+    return np.take_along_axis(seconds, best, axis=0)[0], np.take_along_axis(loads, best, axis=0)[0]
+
+
+def latest_end(numbers: Mapping[str, Array], dt: float) -> Array:
+    """Times (n,) [s] by which motions have to end for the goal to be held in the last steps of an episode, as
+    its numbers say; infinite in an episode without a limit."""
+    moving = np.subtract(numbers.get("limit", np.inf), numbers.get("hold_steps", 0.0))
+    latest: Array = np.maximum(np.atleast_1d(moving) * dt - REST, SOONEST)
+    return latest
 
 
 def timed(ways: Array, seconds: Array, dt: float, steps: int) -> Motion:

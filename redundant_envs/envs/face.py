@@ -121,11 +121,13 @@ def parameters_of(core: Core) -> Parameters:
 
 
 def numbers_of(core: Core) -> dict[str, NDArray[np.float64]]:
-    """What a controller may know of episodes: the numbers in force, and the task's memory, by their names;
-    (num_envs,), or (num_envs, entries) of several with one name."""
+    """What a controller may know of episodes: the numbers in force, the task's memory, and ``limit``, their
+    control steps (inf without a limit), by their names; (num_envs,), or (num_envs, entries) of several with
+    one name."""
     memory = core.memory.read(core.task.memory).T if core.task.memory else ()
     numbers = {name: np.asarray(p.value) for name, p in parameters_of(core).items()}
-    return {**numbers, **dict(zip(core.task.memory, memory, strict=True))}
+    limit = core.memory.read(("limit",))[:, 0]
+    return {**numbers, **dict(zip(core.task.memory, memory, strict=True)), "limit": limit}
 
 
 def values_of(core: Core, names: Sequence[str], single: bool) -> NDArray[np.float64]:

@@ -53,6 +53,10 @@ def test_the_quickest_time_is_the_first_in_which_the_motors_suffice(arm):
     seconds, most = quickest(model, ways, times, 0.9)
     np.testing.assert_array_equal(seconds, times[first])
     np.testing.assert_allclose(most, np.array(loads)[first, np.arange(9)], rtol=1e-9)
+    latest = np.where(np.arange(9) < 4, 0.7, 1.4)  # times of each lane alone
+    own = quickest(model, ways, np.minimum(times[:, None], latest), 0.9)[0]
+    np.testing.assert_array_equal(own, np.where(seconds <= latest, seconds, own.clip(0.4, latest)))
+    np.testing.assert_array_equal(own[4:], seconds[4:])
 
 
 def test_a_quintic_begins_with_a_rate_and_ends_at_rest():

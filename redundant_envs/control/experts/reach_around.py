@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from redundant_envs.control.clearance import clearance, discs_of
 from redundant_envs.control.experts.planned import Planned
 from redundant_envs.control.poses import far_apart, poses_at
-from redundant_envs.control.time_law import Motion, quickest, timed
+from redundant_envs.control.time_law import Motion, latest_end, quickest, timed
 from redundant_envs.control.ways import MARGINS, TIGHT, smooth_ways, ways_to
 
 Array = NDArray[np.float64]
 GRID = 13  # of the poses at a goal: the arm has a way around those between two of them
 CLOSE = 16  # nearest poses to which ways are tried, and as many from among all
-TIMES = np.array([0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4])  # s, of the motion: an episode lasts 3 s
+TIMES = np.array([0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4])  # s, of the motion, where there is time
 MOST_EFFORT = 0.9  # of a limit, in the motion: the rest is for the feedback
 MOST_AT_REST = 0.85  # of a limit, at the goal
 
@@ -28,7 +28,8 @@ class ReachAround(Planned):
         model, discs = self.model, discs_of(self.model.scene, numbers)
         poses, costs = self._ends(start, poses_at(model, goal, start, GRID), discs)
         ways = smooth_ways(model, ways_to(model, start, poses, costs, discs), discs)
-        seconds, _ = quickest(model, ways, TIMES, MOST_EFFORT)
+        times = np.minimum(TIMES[:, None], latest_end(numbers, self.dt))
+        seconds, _ = quickest(model, ways, times, MOST_EFFORT)
         return timed(ways, seconds, self.dt, int(np.rint(TIMES[-1] / self.dt)))
 
     def _ends(self, start: Array, poses: Array, discs: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from redundant_envs.control.experts.planned import Planned
 from redundant_envs.control.following import leaning, normalized
 from redundant_envs.control.poses import cheapest, far_apart, pose_at, poses_at
 from redundant_envs.control.reachable_values import ReachableValues
-from redundant_envs.control.time_law import Motion, minimum_jerk, quickest, quintic, timed
+from redundant_envs.control.time_law import Motion, latest_end, minimum_jerk, quickest, quintic, timed
 from redundant_envs.effects import MotorBrake
 from redundant_envs.effects.motor_faults import MotorFault
 from redundant_envs.scenes.scene import Scene
@@ -53,9 +53,11 @@ class ReachFault(Planned):
             index, n = np.arange(len(q)), len(q)
             self._joint, self._braked = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.bool_)
             self._at, self._since, self._goal = np.zeros(n), np.zeros(n), np.zeros((n, 2))
+            self._latest = np.zeros(n)
             self.following.motion = None
         self._joint[index], self._at[index] = numbers[f"{self._key}.joint"], numbers[f"{self._key}.at"]
         self._braked[index], self._since[index], self._goal[index] = False, 0.0, goal
+        self._latest[index] = latest_end(numbers, self.dt)
         super().begin(q, goal, index, numbers)
 
     def plan(self, start: Array, goal: Array, numbers: Mapping[str, Array]) -> Motion:
@@ -67,7 +69,8 @@ class ReachFault(Planned):
         risk = np.where(holds, self._risk(values, start, poses, np.full(holds.shape, GUESS)), np.inf)
         ends, _ = cheapest(poses, risk, TRIED)
         ways = np.linspace(np.repeat(start, TRIED, axis=0), ends.reshape(-1, joints), 3, axis=1)
-        seconds, _ = quickest(model, ways, TIMES, MOST_FIRST)
+        latest = np.broadcast_to(latest_end(numbers, self.dt), n).repeat(TRIED)
+        seconds, _ = quickest(model, ways, np.minimum(TIMES[:, None], latest), MOST_FIRST)
         risk = self._risk(values, start, ends, seconds.reshape(n, TRIED))
         best = risk.argmin(axis=1) + TRIED * np.arange(n)
         return timed(ways[best], seconds[best], self.dt, self._steps)
@@ -91,14 +94,14 @@ class ReachFault(Planned):
         closed = t >= self._at
         new = np.flatnonzero(closed & ~self._braked)
         if len(new):
-            self.following.begin(self._second(new, phi[new], phid[new]), new)
+            self.following.begin(self._second(new, t[new], phi[new], phid[new]), new)
             self._braked[new], self._since[new] = True, t[new]
         wanted = self.following.accelerations(t - self._since, phi, phid)
         wanted[closed, self._joint[closed]] = 0.0  # and the brake takes what the others need for that
         resting = (self.following.reference(t - self._since)[2] == 0.0).all(axis=1)
         return normalized(model, leaning(model, model.efforts(phi, phid, wanted), phi, resting))
 
-    def _second(self, lanes: NDArray[np.intp], phi: Array, phid: Array) -> Motion:
+    def _second(self, lanes: NDArray[np.intp], t: Array, phi: Array, phid: Array) -> Motion:
         """The motion from a state, in which a joint of each lane has just braked, to a pose at the goal."""
         model, n = self.model, len(lanes)
         braked = np.arange(model.joints) == self._joint[lanes][:, None]
@@ -113,12 +116,13 @@ class ReachFault(Planned):
         costs = MISSED * np.maximum(missed - MISS, 0.0) + self._costs(ends, phi, braked)
         end = cheapest(ends, costs, 1)[0][:, 0]
         rates, best = np.where(braked, 0.0, phid), np.full(n, np.inf)
+        latest = np.maximum(self._latest[lanes] - t, SECOND[0])
         motion = Motion(*np.zeros((3, n, self._steps + 1, model.joints)))
         for seconds in SECOND:
             trial = quintic(phi, rates, end, seconds, self.dt, self._steps)
             shares = np.where(braked[:, None], 0.0, np.abs(model.efforts(*trial)) / model.limits)
             most = shares.max(axis=(1, 2))
-            better = (most < best) & (best > MOST_SECOND)
+            better = (most < best) & (best > MOST_SECOND) & (seconds <= latest)
             for table, new in zip(motion, trial, strict=True):
                 table[better] = new[better]
             best[better] = most[better]

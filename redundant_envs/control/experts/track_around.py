@@ -31,17 +31,17 @@ class TrackAround(Track):
         super().__init__(scene)
         self._discs = np.zeros((0, 0, 3))
 
-    def plan(self, start: Array, goal: Array, numbers: Mapping[str, Array]) -> Motion:
+    def _plan(self, start: Array, numbers: Mapping[str, Array], wait: int, steps: int) -> Motion:
         self._discs = discs_of(self.model.scene, numbers)
-        return super().plan(start, goal, numbers)
+        return super()._plan(start, numbers, wait, steps)
 
     def _first_costs(self, poses: Array, start: Array) -> Array:
         gaps = clearance(self.model, poses, self._discs[:, None])
         return super()._first_costs(poses, start) - CLEAR * np.minimum(gaps, CLEAR_ENOUGH)
 
-    def _line_costs(self, start: Array, first: Array, wait: int, lanes: Lanes) -> Array:
+    def _line_costs(self, start: Array, first: Array, soon: Array, lanes: Lanes) -> Array:
         free = is_free(self.model, start, first, self._discs[lanes], MARGINS[0])
-        return super()._line_costs(start, first, wait, lanes) + np.where(free, 0.0, BLOCKED)
+        return super()._line_costs(start, first, soon, lanes) + np.where(free, 0.0, BLOCKED)
 
     def _posture(self, phi: Array, lanes: Lanes) -> Array:
         rates = MOBILITY * super()._posture(phi, lanes)
@@ -55,7 +55,7 @@ class TrackAround(Track):
         discs, free = self._discs[lanes], np.zeros((len(first), 1))
         return smooth_ways(self.model, ways_to(self.model, start, first[:, None], free, discs), discs)
 
-    def _costs(self, motion: Motion, targets: Array, wait: int, lanes: Lanes) -> Array:
+    def _costs(self, motion: Motion, targets: Array, since: Array, lanes: Lanes) -> Array:
         gaps = clearance(self.model, motion.phi, self._discs[lanes, None]).min(axis=1)
         lacking = np.maximum(MARGINS[-1] - gaps, 0.0)
-        return super()._costs(motion, targets, wait, lanes) + PER_ERROR * lacking
+        return super()._costs(motion, targets, since, lanes) + PER_ERROR * lacking

@@ -61,6 +61,42 @@ def test_the_expert_succeeds_where_the_baseline_often_fails(arm, task, least, mo
     assert near <= most
 
 
+@pytest.mark.quick("FourR-Track-given1-0.95")
+@pytest.mark.parametrize(
+    ("arm", "task", "given", "least"),
+    [
+        ("FourR", TRACK, {"max_episode_steps": 400}, 0.95),
+        ("FourR", TRACK, {"task": {"wait": 1e-300}}, 0.95),
+        ("FourR", TRACK, {"task": {"wait": 1e308, "rise": 1e-300}}, 0.95),  # longer than the episode
+        ("TwoR", TRACK_AROUND, {"max_episode_steps": 400}, 0.6),
+        ("FourR", TRACK_AROUND, {"max_episode_steps": 400, "task": {"wait": 0.01}}, 0.8),
+        ("FourR", AROUND, {"max_episode_steps": 100}, 0.9),
+        ("FourR", LIGHT, {"max_episode_steps": 70}, 0.95),
+        ("FourR", LIGHT, {"task": {"hold_steps": 50}}, 0.95),
+        ("FourR", FAULT, {"max_episode_steps": 90}, 0.9),
+        ("FourR", "Reach", {"task": {"hold_steps": 50}}, 0.95),
+    ],
+)  # fmt: skip
+def test_the_expert_plans_for_the_numbers_of_its_episodes(arm, task, given, least):
+    assert run_episodes(f"{arm}{task}-v0", expert_act(), 40, seed=10, **given).hold.mean() >= least
+
+
+def test_an_episode_that_is_too_long_for_a_table_is_refused():
+    with pytest.raises(ValueError, match=r"max_episode_steps is 20000; Track .* at most 10000 .*give fewer"):
+        run_episodes("FourRTrack-v0", expert_act(), 1, seed=10, max_episode_steps=20_000)
+
+
+def test_targets_that_wait_differently_are_planned_each_for_itself():
+    env = begun("FourRTrack-v0", 3)
+    env.reset(options={"parameters": {"wait": np.array([0.01, 0.9, 9.0])}})
+    numbers, expert = numbers_of(env.core), expert_of(env.core.task, env.scene)
+    together = expert.plan(env.q @ expert.model.b, env.goal, numbers)
+    for k in range(3):
+        some = {name: x[[k]] for name, x in numbers.items()}
+        alone = expert.plan(env.q[[k]] @ expert.model.b, env.goal[[k]], some)
+        np.testing.assert_allclose(together.phi[[k]], alone.phi, atol=1e-9)
+
+
 def begun(env_id, count):
     env = gym.make_vec(f"redundant_envs/{env_id}", num_envs=count).unwrapped
     env.reset(seed=5)
