@@ -97,6 +97,20 @@ def test_the_table_of_modes_is_what_the_study_wrote():
     assert modes_table(rows(RESULTS / "modes.csv")) in page("action_modes")
 
 
+def test_what_modes_cost_a_learner_is_in_the_tables_of_runs():
+    for mode in ("effort", "joint_velocity", "joint_position", "tip_velocity", "tip_and_posture"):
+        cells = []
+        for learner, seed in (("ppo", 320), ("sac", 310)):
+            place = RESULTS / "mode_runs.jsonl" / f"modes_{learner}" / mode / f"seed{seed}"
+            if (learner, mode) == ("ppo", "effort"):
+                place = RESULTS / "redundancy_runs.jsonl" / "*" / "four_r_reach_around_ppo" / f"seed{seed}"
+            (run,) = read_runs([place])
+            assert run.settings["env_kwargs"].get("action", "effort") == mode
+            touched = run.evaluation["failures"].get("a link touched an obstacle", 0)
+            cells += [f"{100 * run.evaluation['hold_success']:.1f} %", str(touched)]
+        assert f'| `"{mode}"` | {" | ".join(cells)} |' in page("action_modes")
+
+
 def test_the_table_of_ilqr_is_what_the_study_wrote():
     assert ilqr_table(rows(RESULTS / "ilqr.csv")) in page("strength")
 
