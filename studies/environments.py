@@ -6,7 +6,7 @@ import functools
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -15,6 +15,7 @@ import numpy as np
 from redundant_envs.envs.registration import NAMESPACE, SCENES, full_id, ids, listed
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
+from redundant_envs.support.tables import markdown
 from redundant_envs.support.timing import Times, by_turns, seconds
 from redundant_envs.support.values import shown
 from studies.speed import one_core
@@ -26,7 +27,8 @@ COLUMNS = (
     "cartpole_us_per_step", "single_over_cartpole", "import_to_first_step_s", "single_info_read_us_per_step",
 )  # fmt: skip
 BASELINE = "CartPole-v1"
-IDS = tuple(f"{NAMESPACE}/{arm}Reach-v0" for arm in SCENES)
+KINDS, REACH = tuple(SCENES), "Reach-v0"
+IDS = tuple(f"{NAMESPACE}/{arm}{REACH}" for arm in KINDS)
 FIRST_STEP = """
 import time
 start = time.process_time()
@@ -143,3 +145,19 @@ def run(
             spread = 100 * times["controlled"].spread
             done(f"{name} {rate['controlled'] / 1e6:.2f} million steps/s, spread {spread:.0f} %")
     return rows
+
+
+def tasks_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows of :func:`run`, or of its CSV file, for tasks of all arms beside Reach: a line for each task, with
+    the rate of each arm and its share of that of Reach."""
+    rates = {row["env"]: float(row["vector_steps_per_s_best"]) for row in rows}
+    tasks = dict.fromkeys(name.partition(KINDS[0])[2] for name in rates if KINDS[0] in name)
+    lines = []
+    for task in tasks:
+        cells = []
+        for arm in KINDS:
+            rate, of_reach = (rates[f"{NAMESPACE}/{arm}{end}"] for end in (task, REACH))
+            cells += [f"{rate / 1e6:.2f} M/s", f"{rate / of_reach:.2f}"]
+        lines.append((f"`{task.removesuffix('-v0')}`", *cells))
+    heads = (head for arm in KINDS for head in (arm, "of Reach"))
+    return markdown(("task", *heads), lines, formatted=True)

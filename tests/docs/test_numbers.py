@@ -15,6 +15,7 @@ from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.evidence.table import results_table
 from studies import strength as strength_run
+from studies.environments import tasks_table
 from studies.ilqr import ilqr_table
 from studies.modes import modes_table
 from studies.redundancy import redundancy_table
@@ -47,6 +48,10 @@ def test_speeds_are_those_of_the_tables():
     for row, (what, value) in zip(speeds, [x for x in stated if x[1].endswith("us per step")], strict=True):
         assert value == f"{float(row['single_us_per_step']):.1f} us per step"
         assert f"{float(row['cartpole_us_per_step']):.1f} us" in what
+
+
+def test_the_speeds_of_tasks_are_those_that_the_study_wrote():
+    assert tasks_table(rows(RESULTS / "task_speeds.csv")) in page("speed")
 
 
 def test_the_accuracies_and_the_environments_are_those_of_the_code():
