@@ -118,6 +118,7 @@ def test_episodes_of_a_few_steps_pass(mode, steps):
     rde.check_vec_env(made(mode, FOUR_R, max_episode_steps=steps))
 
 
+@pytest.mark.long
 def test_one_environment_that_ends_early_passes():
     ends = {"decide_every": 7, "action": "joint_velocity"}  # with the seed of the checker, the third one
     rde.check_vec_env(made("disabled", "redundant_envs/FourRGoalReachAround-v0", 5, **ends))

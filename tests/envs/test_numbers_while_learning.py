@@ -150,6 +150,7 @@ OF_MAKE = (
 """Arguments, and numbers that mean nothing in the task."""
 
 
+@pytest.mark.quick("terminate_on_touch-single", "decide_every-next_step", "scene-sb3")
 @pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
 @pytest.mark.parametrize("name", OF_MAKE)
 def test_arguments_are_refused_in_every_way_to_set_them(kind, name):

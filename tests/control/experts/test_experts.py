@@ -86,6 +86,7 @@ def test_an_episode_that_is_too_long_for_a_table_is_refused():
         run_episodes("FourRTrack-v0", expert_act(), 1, seed=10, max_episode_steps=20_000)
 
 
+@pytest.mark.long
 def test_targets_that_wait_differently_are_planned_each_for_itself():
     env = begun("FourRTrack-v0", 3)
     env.reset(options={"parameters": {"wait": np.array([0.01, 0.9, 9.0])}})
