@@ -74,6 +74,7 @@ def test_a_run_with_a_mode_of_actions_is_compared_with_the_expert_in_efforts(tmp
     assert not run_folder.difference(tmp_path)
 
 
+@pytest.mark.long
 def test_a_policy_is_evaluated_where_the_expert_refuses_the_scene(tmp_path):
     scene = rde.load_scene("rprp_reach").to_dict()
     scene["effects"].append({"type": "MotorLoss", "joint": 1, "at": 0.3})

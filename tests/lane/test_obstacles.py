@@ -93,6 +93,7 @@ def test_the_closest_approach_within_a_step_is_that_of_a_fine_simulation(name, s
     assert missed > 0  # in some steps an arm comes nearer than at both ends
 
 
+@pytest.mark.long
 def test_a_small_disc_that_a_fast_link_passes_within_a_step_is_touched():
     scene, shares = rde.load_scene("four_r_reach"), np.linspace(0.05, 0.95, 3)
     places = [(0.6 * np.cos(angle), 0.6 * np.sin(angle)) for angle in -0.2 + 0.4 * shares]
