@@ -124,7 +124,7 @@ class TrackTask(ReachTask):
     name = "Track"
     summary = "follows a point along a drawn curve with its tip"
     expert = "redundant_envs.control.experts.track:Track"
-    baseline = "redundant_envs.control.experts.track:NearestPose"
+    baseline = "redundant_envs.control.experts.track_nearest:NearestPose"
     steps = 200
     draws = 8
     memory: ClassVar[tuple[str, ...]] = (*ReachTask.memory, "worst", *CURVE)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.control.experts.planned import Planned
+from redundant_envs.control.experts.targets import targets_of
 from redundant_envs.control.joint_path import joint_path, mobility_slopes
-from redundant_envs.control.poses import cheapest, far_apart, pose_at, poses_at
+from redundant_envs.control.poses import cheapest, far_apart, poses_at
 from redundant_envs.control.time_law import Motion, quickest, timed
 
 Array = NDArray[np.float64]
@@ -27,21 +28,6 @@ SOON = 0.8  # s: an approach of less time takes longer where motors need that
 TIMES = np.array([0.2, *np.linspace(0.4, 2.4, 21)])[:, None]  # s, of those
 LATE = 1.0  # 1/s: an approach that is late by 10 ms is as bad as one that takes 1 % beyond the limits
 MOST_STEPS = 10_000  # of a plan, which is a table
-CURVE = (
-    "phase", "spin", "along", "across", "eight", "tilt_s", "tilt_c", "centre_x", "centre_y", "wait", "rise"
-)  # fmt: skip
-
-
-def targets_of(numbers: Mapping[str, Array], dt: float, steps: int) -> Array:
-    """Places (n, steps + 1, 2) of the target [m] at 0, dt, .., from the numbers of the task and its curve."""
-    c = {name: numbers[name][:, None] for name in CURVE}
-    with np.errstate(over="ignore"):
-        ramp = np.clip((np.arange(steps) * dt - c["wait"]) / c["rise"], 0.0, 1.0)
-    phase = c["phase"] + c["spin"] * dt * np.cumsum(np.pad(ramp, ((0, 0), (1, 0))), axis=1)
-    x = c["along"] * np.cos(phase)
-    y = c["across"] * np.where(c["eight"] > 0.5, np.sin(2.0 * phase), np.sin(phase))
-    turned = c["tilt_c"] * x - c["tilt_s"] * y, c["tilt_s"] * x + c["tilt_c"] * y
-    return np.stack([c["centre_x"] + turned[0], c["centre_y"] + turned[1]], axis=-1)
 
 
 class Track(Planned):
@@ -157,16 +143,3 @@ class Track(Planned):
         error = np.where(np.arange(error.shape[1]) < since[:, None], 0.0, error).max(axis=1)
         effort = self.model.load(*motion).max(axis=1)
         return PER_ERROR * np.maximum(error - MOST_ERROR, 0.0) + np.maximum(effort - MOST_EFFORT, 0.0)
-
-
-class NearestPose(Track):
-    """The baseline of tracking tasks: from the nearest first pose, without a use of the null space."""
-
-    steps = 240  # of the longest episodes
-
-    def _firsts(self, start: Array, first: Array, soon: Array) -> Array:
-        near = pose_at(self.model.scene, start @ self.model.inverse, first) @ self.model.b
-        return near[:, None]
-
-    def _posture(self, phi: Array, lanes: Lanes) -> Array:
-        return np.zeros_like(phi)

@@ -10,7 +10,7 @@ import redundant_envs as rde
 from redundant_envs.control import ComputedTorque
 from redundant_envs.control.experts import baseline_of, expert_of
 from redundant_envs.control.experts.reach_fault import ReachFault
-from redundant_envs.control.experts.track import targets_of
+from redundant_envs.control.experts.targets import targets_of
 from redundant_envs.control.nominal import NominalModel
 from redundant_envs.control.reachable_values import ReachableValues
 from redundant_envs.envs.face import numbers_of
