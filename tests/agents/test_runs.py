@@ -64,6 +64,7 @@ def test_a_run_explains_itself(home, refused):
     refused(["train", "rprp_reach_ppo", "--out", folder], "is not empty")
 
 
+@pytest.mark.long
 def test_a_run_with_a_mode_of_actions_is_compared_with_the_expert_in_efforts(tmp_path):
     modes = {"action": "joint_velocity", "decide_every": 5, "max_episode_steps": 40}
     train(small_config("ppo", env_kwargs=modes), tmp_path)
@@ -85,6 +86,7 @@ def test_a_policy_is_evaluated_where_the_expert_refuses_the_scene(tmp_path):
     assert "the expert of ReachFault refuses its scene: effects has the faults [MotorLoss(" in summary(found)
 
 
+@pytest.mark.quick("150")
 @pytest.mark.parametrize("decide_every", [1, 5, 150])
 def test_clips_keep_time(decide_every, monkeypatch, tmp_path):
     written = []
@@ -93,6 +95,7 @@ def test_clips_keep_time(decide_every, monkeypatch, tmp_path):
     assert written == [pytest.approx(2.0, rel=0.11)]  # s, of an episode
 
 
+@pytest.mark.quick("3")
 @pytest.mark.parametrize("decide_every", [3, 5])
 def test_measures_of_a_motion_do_not_depend_on_how_long_a_decision_lasts(decide_every):
     def measures(decide_every, mode, command):

@@ -259,6 +259,7 @@ def test_curves_margins_and_starts_that_cannot_be_drawn(name, numbers, said):
         OWN[name](**numbers)
 
 
+@pytest.mark.quick("ReachAround-RPRP", "ReachFault-FourR")
 @pytest.mark.parametrize("arm", ["FourR", "RPRP", "TwoR"])
 @pytest.mark.parametrize("name", [name for name in OWN if "Track" not in name])
 def test_a_step_that_a_fault_undoes_does_not_complete_a_hold(arm, name):
