@@ -1,4 +1,5 @@
-"""Computed torque along references of all lanes; a slider that rests at a stop leans on it."""
+"""Computed torque and joint velocities along references of all lanes; a slider that rests at a stop leans on
+it."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from redundant_envs.control.nominal import NominalModel
 from redundant_envs.control.time_law import Motion
 
 Array = NDArray[np.float64]
+LAG = 0.04  # s in which the controller below joint velocities follows, 1 / its usual gain
 AT_STOP = 1e-3  # m from a stop within which a slider at rest leans on it
 
 
@@ -25,6 +27,11 @@ class Following:
     def __init__(self, model: NominalModel, frequency: float = 14.0) -> None:
         self.model, self.frequency, self.dt = model, frequency, model.scene.control_dt
         self.motion: Motion | None = None
+        self.decide(1)
+
+    def decide(self, steps: float) -> None:
+        """Say for how many control steps an action holds; one, unless this is called."""
+        self.span = steps * self.dt
 
     def begin(self, motion: Motion, index: NDArray[np.intp] | None = None) -> None:
         """Take references, of all lanes or of those in ``index``; the last pose is held at their end. Those
@@ -57,6 +64,29 @@ class Following:
         efforts = model.efforts(phi, phid, self.accelerations(t, phi, phid))
         efforts = leaning(model, efforts, phi, resting=(self.reference(t)[2] == 0.0).all(axis=1))
         return normalized(model, efforts)
+
+
+class VelocityFollowing(Following):
+    """Joint velocities that bring the arm to where references are when an action ends."""
+
+    def action(self, t: Array | float, q: Array, qd: Array) -> NDArray[np.float32]:
+        """Actions (n, joints) in [-1, 1] at times ``t`` [s] since each reference began."""
+        ahead = horizon(self.span)
+        return towards(self.model, self.reference(np.add(t, ahead))[0], q @ self.model.b, ahead)
+
+
+def horizon(span: float) -> float:
+    """Time [s] in which joint velocities that hold for ``span`` bring the arm to where it should be then:
+    with less they overshoot."""
+    return span + LAG
+
+
+def towards(model: NominalModel, place: Array, phi: Array, seconds: float) -> NDArray[np.float32]:
+    """Joint velocities from poses phi to others in some seconds, as actions in [-1, 1]."""
+    assert model.speeds is not None
+    rates = (place - phi) / (seconds * model.speeds)
+    actions: NDArray[np.float32] = np.clip(rates, -1.0, 1.0).astype(np.float32)
+    return actions
 
 
 def leaning(model: NominalModel, efforts: Array, phi: Array, resting: NDArray[np.bool_]) -> Array:

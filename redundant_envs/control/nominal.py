@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.control.holding import motor_efforts, slider_travel
-from redundant_envs.effects import EffortLimits, Gravity, PrismaticStop, ViscousFriction
+from redundant_envs.effects import EffortLimits, Gravity, JointVelocity, PrismaticStop, ViscousFriction
 from redundant_envs.scenes.scene import Scene
 
 Array = NDArray[np.float64]
@@ -18,23 +18,32 @@ Array = NDArray[np.float64]
 
 class NominalModel:
     """Arm, gravity, viscous friction, effort limits and stops of a scene; its other effects are unknown to
-    plans. All arrays are (..., joints), in joint coordinates: rad or m, N m or N.
+    plans. All arrays are (..., joints), in joint coordinates: rad or m, N m or N. ``speeds`` are those in
+    units of which the mode :class:`~redundant_envs.effects.JointVelocity` takes actions, or None; ``scene``
+    is without that mode.
 
     Raises
     ------
     ValueError
-        If actions are not shares of effort limits, or gravity has a part along x; where the travel is asked
-        for, if a slider has no stops.
+        If actions are shares of neither effort limits nor joint speeds, or gravity has a part along x; where
+        the travel is asked for, if a slider has no stops.
     """
 
     def __init__(self, scene: Scene) -> None:
+        mode = next((e for e in scene.effects if isinstance(e, JointVelocity)), None)
+        self.speeds: Array | None = None if mode is None else np.array(mode.speeds)
+        if mode:
+            others = tuple(effect for effect in scene.effects if effect is not mode)
+            scene = dataclasses.replace(scene, effects=others)
         kinds: Any = (EffortLimits, ViscousFriction, Gravity)
         found: Any = [next((e for e in scene.effects if isinstance(e, kind)), None) for kind in kinds]
         limits, friction, gravity = found
         if limits is None:
             raise ValueError("scene has no EffortLimits; the expert returns actions in their units")
         if (units := scene.action_units()) != tuple(f"{limits.key}.{name}" for name in limits.parameters()):
-            raise ValueError(f"actions are shares of {units[0]}; the expert knows efforts alone")
+            raise ValueError(
+                f"actions are shares of {units[0]}; the expert knows efforts and joint velocities"
+            )
         if gravity and gravity.down[0] != 0.0:
             raise ValueError("scene has gravity along x; the expert handles gravity along -y")
         self.scene, self.arm = scene, scene.robot

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 POINTS = 201  # of a way: its corners are rounded over 12 points and more
 REST = 0.1  # s, between a motion and the time from which the goal has to be held
 SOONEST = 0.2  # s, of a motion where the goal has to be held at once
+SHARE_OF_SPEED = 0.6  # of the speed that an action of 1 is: the rest is for the feedback
 SAMPLES = np.linspace(0.0, 1.0, 41)  # shares of the time at which efforts are compared with their limits
 
 
@@ -77,7 +78,8 @@ def at_shares(ways: Array, s: Array) -> Motion:
 
 def quickest(model: NominalModel, ways: Array, seconds: Array, most: float) -> tuple[Array, Array]:
     """The shortest of the times ``seconds``, (k,) or (k, n), in which no motor exceeds the share ``most`` of
-    its limit, and the largest share then, (n,) each; the time of the least share where all exceed it.
+    its limit, and the largest share then, (n,) each; the time of the least share where all exceed it. Where
+    actions are joint velocities, their shares of ``SHARE_OF_SPEED`` count like those of efforts.
 
     Times T scale efforts exactly: those of accelerations by 1 / T^2, of friction by 1 / T, and gravity not.
     """
@@ -91,6 +93,9 @@ def quickest(model: NominalModel, ways: Array, seconds: Array, most: float) -> t
     loads = np.stack(
         [(np.abs(inertial / t**2 + friction / t + weight) / model.limits).max(axis=(1, 2)) for t in times]
     )
+    if model.speeds is not None:
+        shares = (np.abs(unit.phid) / (SHARE_OF_SPEED * model.speeds)).max(axis=(1, 2))
+        loads = np.maximum(loads, shares / seconds)
     best = np.where((loads < most).any(axis=0), (loads < most).argmax(axis=0), loads.argmin(axis=0))[None]
     return np.take_along_axis(seconds, best, axis=0)[0], np.take_along_axis(loads, best, axis=0)[0]
 

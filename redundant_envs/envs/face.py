@@ -122,12 +122,14 @@ def parameters_of(core: Core) -> Parameters:
 
 def numbers_of(core: Core) -> dict[str, NDArray[np.float64]]:
     """What a controller may know of episodes: the numbers in force, the task's memory, and ``limit``, their
-    control steps (inf without a limit), by their names; (num_envs,), or (num_envs, entries) of several with
-    one name."""
+    control steps (inf without a limit), and ``decide_every``, by their names; (num_envs,), or (num_envs,
+    entries) of several with one name."""
     memory = core.memory.read(core.task.memory).T if core.task.memory else ()
     numbers = {name: np.asarray(p.value) for name, p in parameters_of(core).items()}
     limit = core.memory.read(("limit",))[:, 0]
-    return {**numbers, **dict(zip(core.task.memory, memory, strict=True)), "limit": limit}
+    every = np.full(core.num_envs, core.decide_every)
+    memory_of = dict(zip(core.task.memory, memory, strict=True))
+    return {**numbers, **memory_of, "limit": limit, "decide_every": every}
 
 
 def values_of(core: Core, names: Sequence[str], single: bool) -> NDArray[np.float64]:

@@ -253,7 +253,7 @@ def test_the_action_has_the_unit_of_the_earlier_link_in_any_order_of_the_effects
 def test_an_environment_says_that_actions_are_shares_of_a_voltage():
     scene = rde.load_scene("four_r_reach")
     driven = dataclasses.replace(scene, effects=(*scene.effects, MOTOR_LINK))
-    with pytest.raises(ValueError, match=r"shares of motor\.size; the expert knows efforts alone"):
+    with pytest.raises(ValueError, match=r"shares of motor\.size; the expert knows efforts and joint"):
         ComputedTorque(driven)
     check_motors(driven)
     table = action_table(driven)

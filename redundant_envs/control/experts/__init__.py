@@ -32,8 +32,8 @@ class Expert(Protocol):
         index : (n,) Array or None
             The lanes whose episodes begin; None is all.
         numbers : mapping of str to Array
-            Those in force, by their names, the task's memory, and ``limit``, the control steps of an episode
-            (inf without a limit), (n,) or (n, entries) each.
+            Those in force, by their names, the task's memory, ``limit``, the control steps of an episode (inf
+            without a limit), and ``decide_every``, those of an action; (n,) or (n, entries) each.
         """
 
     def action(self, t: Array, q: Array, qd: Array) -> NDArray[np.float32]:

@@ -1,4 +1,5 @@
-"""What experts share: a motion that is planned when an episode begins, and followed by computed torque."""
+"""What experts share: a motion that is planned when an episode begins, and followed by computed torque, or by
+joint velocities where these are the actions."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.control.following import Following
+from redundant_envs.control.following import Following, VelocityFollowing
 from redundant_envs.control.nominal import NominalModel
 from redundant_envs.control.time_law import Motion
 from redundant_envs.scenes.scene import Scene
@@ -22,7 +23,8 @@ class Planned:
 
     def __init__(self, scene: Scene) -> None:
         self.model = NominalModel(scene)
-        self.following = Following(self.model, self.frequency)
+        efforts = self.model.speeds is None
+        self.following = Following(self.model, self.frequency) if efforts else VelocityFollowing(self.model)
         self.dt = scene.control_dt
 
     def plan(self, start: Array, goal: Array, numbers: Mapping[str, Array]) -> Motion:
@@ -33,6 +35,7 @@ class Planned:
         self, q: Array, goal: Array, index: NDArray[np.intp] | None, numbers: Mapping[str, Array]
     ) -> None:
         """Plan new episodes."""
+        self.following.decide(numbers.get("decide_every", np.ones(1)).max())
         self.following.begin(self.plan(q @ self.model.b, goal, numbers), index)
 
     def action(self, t: Array | float, q: Array, qd: Array) -> NDArray[np.float32]:

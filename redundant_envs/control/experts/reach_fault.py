@@ -96,6 +96,8 @@ class ReachFault(Planned):
         if len(new):
             self.following.begin(self._second(new, t[new], phi[new], phid[new]), new)
             self._braked[new], self._since[new] = True, t[new]
+        if model.speeds is not None:
+            return self.following.action(t - self._since, q, qd)
         wanted = self.following.accelerations(t - self._since, phi, phid)
         wanted[closed, self._joint[closed]] = 0.0  # and the brake takes what the others need for that
         resting = (self.following.reference(t - self._since)[2] == 0.0).all(axis=1)

@@ -75,6 +75,10 @@ def test_the_expert_succeeds_where_the_baseline_often_fails(arm, task, least, mo
         ("FourR", LIGHT, {"task": {"hold_steps": 50}}, 0.95),
         ("FourR", FAULT, {"max_episode_steps": 90}, 0.9),
         ("FourR", "Reach", {"task": {"hold_steps": 50}}, 0.95),
+        *((arm, "Reach", {"action": "joint_velocity", "decide_every": 5}, 0.95) for arm in ("FourR", "RPRP")),
+        *((arm, AROUND, {"action": "joint_velocity", "decide_every": 5}, 0.85) for arm in ("FourR", "RPRP")),
+        ("FourR", TRACK, {"action": "joint_velocity"}, 0.8),
+        ("FourR", FAULT, {"action": "joint_velocity", "decide_every": 5}, 0.9),
     ],
 )  # fmt: skip
 def test_the_expert_plans_for_the_numbers_of_its_episodes(arm, task, given, least):
