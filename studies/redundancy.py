@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import statistics
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from redundant_envs.control.experts import baseline_of, expert_of
-from redundant_envs.envs.registration import id_of
+from redundant_envs.envs.registration import IDS, full_id, id_of
+from redundant_envs.support.figures import bare, new_figure
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
 from redundant_envs.support.tables import markdown
+from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.rollout import expert_act, run_episodes
 
 TASKS = "ReachAround", "ReachLight", "Track", "TrackAround", "ReachFault"
@@ -18,6 +23,7 @@ ARMS = {"4R": "FourR", "RPRP": "RPRP", "2R": "TwoR"}
 SEED = 40_000_000
 """Of the first episode: no controller was tuned on these."""
 CONTROLLERS = {"nearest pose": baseline_of, "expert": expert_of}
+COLOURS = {"4R": "#0072B2", "RPRP": "#009E73", "2R": "#999999"}
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "episodes", "task", "arm", "controller",
     "success", "struck", "ms_per_episode",
@@ -52,3 +58,40 @@ def redundancy_table(rows: Sequence[Mapping[str, Any]]) -> str:
     heads = ("task", *(f"{arm}: {controller}" for arm in ARMS for controller in CONTROLLERS))
     tasks = dict.fromkeys(r["task"] for r in rows)
     return markdown(heads, [(t, *(cells[t, arm, c] for arm in ARMS for c in CONTROLLERS)) for t in tasks])
+
+
+def learned(places: Iterable[str | Path]) -> dict[tuple[str, str], float]:
+    """For each task and arm the success of the learner whose median seed has most."""
+    kinds, best = {kind: arm for arm, kind in ARMS.items()}, dict[tuple[str, str], float]()
+    for group in read_groups(places):
+        kind, task = IDS[full_id(group.environment)]
+        key = task, kinds[kind]
+        best[key] = max(best.get(key, 0.0), statistics.median(group.numbers("hold_success")))
+    return best
+
+
+def figure(rows: Sequence[Mapping[str, Any]], learners: Mapping[tuple[str, str], float]) -> Any:
+    """Success by task and arm: a wide bar of the expert, a narrow one of the nearest pose, a mark of the best
+    learner."""
+    success = {(r["task"], r["arm"], r["controller"]): 100.0 * float(r["success"]) for r in rows}
+    result = new_figure(9.0, 3.4, 120)
+    panel, width, (first, *_) = result.subplots(), 0.8 / len(ARMS), ARMS
+    for k, (arm, colour) in enumerate(COLOURS.items()):
+        x = [place + (k - (len(ARMS) - 1) / 2) * width for place in range(len(TASKS))]
+        whole, near = ([success[task, arm, name] for task in TASKS] for name in ("expert", "nearest pose"))
+        marks = [100.0 * learners.get((task, arm), math.nan) for task in TASKS]
+        panel.bar(x, whole, 0.92 * width, color=colour, alpha=0.35)
+        panel.bar(x, near, 0.4 * width, color=colour, label=arm)
+        panel.plot(x, marks, "D", color="k", mfc="w", ms=5, label="best learner" if arm == first else None)
+    panel.bar(0, 0, color="k", alpha=0.35, label="wide: expert")
+    panel.bar(0, 0, color="k", label="narrow: nearest pose")
+    panel.set_xticks(range(len(TASKS)), TASKS)
+    panel.set_ylabel("episodes that succeed, %")
+    panel.set_ylim(0.0, 103.0)
+    bare(panel)
+    panel.grid(axis="x", visible=False)
+    handles = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+    shown = [*COLOURS, "wide: expert", "narrow: nearest pose", "best learner"]
+    legend = {"loc": "outside lower center", "ncols": len(shown), "frameon": False}
+    result.legend([handles[name] for name in shown], shown, **legend)
+    return result

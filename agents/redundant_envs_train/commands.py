@@ -57,7 +57,7 @@ Picture = Annotated[Path, Option(help="picture, .png or .svg; its numbers are sa
 Source = Annotated[
     str, Argument(help="expert, near, random, or folder of a run or an exported policy", metavar="SOURCE")
 ]
-Env = Annotated[Text, Option(help="id such as RPRPReach-v0, for expert and random; a policy has its own")]
+Env = Annotated[Text, Option(help="id such as RPRPReach-v0, or a configuration; a policy has its own")]
 
 
 class _Commands(typer.core.TyperGroup):

@@ -252,6 +252,7 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
         "report", folder=folder, config=config, result=result, picture=picture,
         summary=summary(result),
         scene=run_folder.difference(folder),
+        shown=run_folder.read_facts(folder)["demonstrations"],
         again=command("train", folder / "config.yaml"),
         measures=table_of(result),
     )  # fmt: skip

@@ -146,6 +146,15 @@ class Evaluation(Model):
         return self
 
 
+class ShownFacts(Model):
+    """What training.json tells of demonstrations."""
+
+    episodes: Count
+    held: Count
+    sha256: Line  # of the transitions
+    seconds: Amount
+
+
 class Facts(Model):
     """The entries of training.json; None for what is unknown."""
 
@@ -155,6 +164,7 @@ class Facts(Model):
     train_seconds: Amount | None = None
     simulator: Line | None = None
     split: dict[Line, Number] = {}
+    demonstrations: ShownFacts | None = None
     stopped: bool = False
 
 

@@ -4,6 +4,7 @@ It takes a minute, trains nothing and measures nothing. Clips and thumbnails sho
 those of ids without any their experts; figures are drawn from the tables in docs/results.
 """
 
+import csv
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -28,6 +29,7 @@ from redundant_envs_train.play import play
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import expert_act, policy_act, stacked
 from redundant_envs_train.run_folder import own_config
+from studies import redundancy
 from studies.__main__ import main
 from studies.strength import figure, read_rows
 
@@ -207,6 +209,9 @@ if __name__ == "__main__":
     for name, runs in CURVES.items():
         curves([RESULTS / f"{runs}.jsonl"], FIGURES / f"learning_curves{name}.png")
     save_figure(figure(read_rows(RESULTS / "strength" / "strength.csv")), FIGURES / "strength.png")
+    rows = list(csv.DictReader((RESULTS / "redundancy.csv").open(encoding="utf-8", newline="")))
+    bought = redundancy.figure(rows, redundancy.learned([RESULTS / "redundancy_runs.jsonl"]))
+    save_figure(bought, FIGURES / "redundancy.png")
     for name in SCENES:
         save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
     arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach", "two_r_reach")]

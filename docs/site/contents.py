@@ -20,8 +20,8 @@ SECTIONS = {
         "errata", "changelog", "contributing",
     ],
     "Results": [
-        "accuracy", "results/accuracy/accuracy", "speed", "strength", "results/policy/report", "hard_cases",
-        "energy", "fuzzing", "mutation", "gallery",
+        "accuracy", "results/accuracy/accuracy", "speed", "redundancy", "strength",
+        "results/policy/report", "hard_cases", "energy", "fuzzing", "mutation", "gallery",
     ],
 }  # fmt: skip
 """Sections of the site, and their pages in order."""

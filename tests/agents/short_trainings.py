@@ -26,6 +26,10 @@ CASES = {
         "env": "redundant_envs/RPRPGoalReach-v0", "total_steps": 4800,
         "her": {**REPLAY, "learning_starts": 1600, "buffer_size": 3200},
     },
+    "demonstrated": {
+        "algo": "sac", "sac": REPLAY, "env_kwargs": {"action": "joint_velocity", "decide_every": 5},
+        "demonstrations": {"episodes": 20, "share": 0.25},
+    },
     **{algo: {algo: REPLAY} for algo in ("sac", "plain_sac", "td3", "tqc", "crossq")},
 }  # fmt: skip
 """Settings of short trainings, by algorithm or by what is special."""

@@ -83,7 +83,7 @@ def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
     assert len(made) >= 8
     assert [row for row in made if row not in page(name)] == []
     brief_table = runpy.run_path(str(ROOT / "docs" / "figures" / "remake.py"))["brief_table"]
-    assert brief_table([RESULTS / "redundancy_runs.jsonl"]) in page("learners")
+    assert brief_table([RESULTS / "redundancy_runs.jsonl"]) in page("redundancy")
 
 
 def test_the_table_of_strengths_is_what_the_study_wrote():
@@ -95,7 +95,7 @@ def test_the_table_of_strengths_is_what_the_study_wrote():
 
 
 def test_the_table_of_experts_is_what_the_study_wrote():
-    assert redundancy_table(rows(RESULTS / "redundancy.csv")) in page("control")
+    assert redundancy_table(rows(RESULTS / "redundancy.csv")) in page("redundancy")
 
 
 def test_the_table_of_modes_is_what_the_study_wrote():

@@ -115,12 +115,13 @@ def override_one(data: dict[str, Any], override: str) -> None:
 
 def keys() -> Iterator[tuple[str, Any]]:
     """Dotted names of all keys, with their fields."""
+    groups = ("demonstrations", *ALGORITHMS)
     for name, field in Config.model_fields.items():
-        if name not in ALGORITHMS:
+        if name not in groups:
             yield name, field
-    for algo in ALGORITHMS:
-        for name, field in model_at(Config, (algo,)).model_fields.items():
-            yield f"{algo}.{name}", field
+    for group in groups:
+        for name, field in model_at(Config, (group,)).model_fields.items():
+            yield f"{group}.{name}", field
 
 
 def page_of_keys() -> str:

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from redundant_envs.support.extras import needs
 
-from .fields import Model, Real, Whole, number, value
+from .fields import Model, Real, Text, Whole, number, value
 
 with needs("train"):
     from pydantic import Field, PlainValidator, model_validator
@@ -131,6 +131,14 @@ class HERSettings(SACSettings):
         if isinstance(values, Mapping) and "smoothness" in values:
             return {"smoothness_at_goal": values["smoothness"], **values}
         return values
+
+
+class Demonstrations(Model):
+    """Episodes that hold their goal, of which each sample of a learner has a share."""
+
+    source: Text = value("expert", "expert: that of the task; or the folder or id of a Minari dataset")
+    episodes: Whole = number(1000, 1, 10_000, "played or read; those that hold their goal count")
+    share: Real = number(0.5, 0.01, 0.99, "of each sample of the learner")
 
 
 class TD3Settings(OffPolicySettings):

@@ -17,6 +17,7 @@ Algorithm = Literal["ppo", "sac", "her", "plain_ppo", "plain_sac", "td3", "tqc",
 ALGORITHMS: tuple[str, ...] = get_args(Algorithm)
 LABELS = {algo: algo.upper() for algo in ALGORITHMS}  # names in tables and figures
 LABELS |= {"plain_ppo": "stock PPO", "plain_sac": "stock SAC", "crossq": "CrossQ"}
+DEMONSTRATED = ("sac", "her")  # learners whose samples may have a share of demonstrations
 SEEDS_PER_RUN = 10_000  # environment seeds of a run, one each, from first_environment_seed on
 MAX_SEEDS = 9999  # largest seed of a run
 KEPT_FOR_GOALS = (1_000_000, 10_000_000)
@@ -65,6 +66,9 @@ class Config(Model):
         ("tensorboard",), "where figures are logged; wandb and mlflow only if the command itself names them"
     )
     env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ENV_KWARGS)}")
+    demonstrations: learners.Demonstrations | None = value(
+        None, "episodes from which sac or her learns besides its own; null: none"
+    )
     ppo: learners.PPOSettings | None = value(None, "settings of ppo")
     sac: learners.SACSettings | None = value(None, "settings of sac")
     her: learners.HERSettings | None = value(None, "settings of her")
@@ -96,6 +100,9 @@ class Config(Model):
             if name != self.algo and getattr(self, name) is not None:
                 fix = f"give settings of one learner only: begin with a preset of {name} or of {self.algo}"
                 raise ValueError(f"{name} has settings, and algo is {self.algo}; {fix}")
+        if self.demonstrations is not None and self.algo not in DEMONSTRATED:
+            fix = f"{' and '.join(DEMONSTRATED)} learn from demonstrations; leave them out, or choose one"
+            raise ValueError(f"demonstrations are given, and algo is {self.algo}; {fix}")
         has_goal = "Goal" in self.env
         others = listed(name for name in ids() if ("Goal" in name) != has_goal)
         if self.algo == "her" and not has_goal:

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from redundant_envs.support.extras import needs
 
 from .networks import ERROR_SCALE, Adam, Averaging, Layers, Networks, Tape, dtanh, goal_mixing, linear_layers
-from .sampling import sample
+from .sampling import sample, some_of
 
 with needs("train"):
     import torch
     from stable_baselines3 import SAC, HerReplayBuffer
     from stable_baselines3.common.preprocessing import get_action_dim
+    from stable_baselines3.common.type_aliases import DictReplayBufferSamples
     from torch import Tensor
     from torch.nn.functional import softplus
 
@@ -57,7 +58,16 @@ class AveragedSAC(Averaging, SAC):
         self.activation, self.error_scale = activation, error_scale
         self.policy_delay, self.average = policy_delay, average
         self.smoothness, self.smoothness_at_goal = smoothness, smoothness_at_goal
+        self.demonstrations: DictReplayBufferSamples | None = None
+        self.share = 0.0
         super().__init__(*args, **kwargs)
+
+    def learn_from(self, demonstrations: DictReplayBufferSamples, share: float) -> None:
+        """Take a share of each sample from demonstrations, as in RLPD (Ball et al. 2023)."""
+        self.demonstrations, self.share = demonstrations, share
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "demonstrations"]
 
     def _setup_model(self) -> None:
         super()._setup_model()
@@ -96,18 +106,9 @@ class AveragedSAC(Averaging, SAC):
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:
         """Gradient steps on one sample of the replay buffer."""
         rate = self.lr_schedule(self._current_progress_remaining)
-        drawn = sample(self.replay_buffer, batch_size * gradient_steps)
-        now, after = self.inputs(drawn.observations), self.inputs(drawn.next_observations)
-        discounts, smoothness = self.gamma * (1.0 - drawn.dones), self._smoothness(drawn.rewards)
-        # next states have the same columns, where actions drawn there will be
-        pairs, nexts = (torch.cat([states, drawn.actions], 1) for states in (now, after))
-        data = [pairs, nexts, drawn.rewards, discounts, smoothness]
-        if isinstance(self.replay_buffer, HerReplayBuffer):
-            # A sample has all original goals first; every gradient step gets its share of them.
-            order = torch.randperm(len(now))
-            data = [part.index_select(0, order) for part in data]
+        data = self._data(batch_size, gradient_steps)
+        width = data[0].shape[1] - get_action_dim(self.action_space)
         batches = list(zip(*(part.split(batch_size) for part in data), strict=True))
-        width = now.shape[1]
         while batches:
             count = self.policy_delay - self._n_updates % self.policy_delay  # steps to the actor's next one
             group, batches = batches[:count], batches[count:]
@@ -127,6 +128,30 @@ class AveragedSAC(Averaging, SAC):
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
         self.logger.record("train/learning_rate", rate)
         self.logger.record("train/ent_coef", self._alpha())
+
+    def _data(self, batch_size: int, gradient_steps: int) -> list[Tensor]:
+        """Of the samples of all gradient steps, one after another: states with actions, next states with
+        room for actions, rewards, discounts, and weights of the term for smooth actions."""
+        shown = 0 if self.demonstrations is None else round(self.share * batch_size)
+        data = self._columns(sample(self.replay_buffer, (batch_size - shown) * gradient_steps))
+        if isinstance(self.replay_buffer, HerReplayBuffer):
+            # A sample has all original goals first; every gradient step gets its share of them.
+            order = torch.randperm(len(data[0]))
+            data = [part.index_select(0, order) for part in data]
+        if self.demonstrations is not None:
+            others = self._columns(some_of(self.demonstrations, shown * gradient_steps))
+            pairs = [
+                [part.view(gradient_steps, -1, part.shape[1]) for part in pair]
+                for pair in zip(data, others, strict=True)
+            ]
+            data = [torch.cat(pair, 1).flatten(0, 1) for pair in pairs]
+        return [*data, self._smoothness(data[2])]
+
+    def _columns(self, drawn: DictReplayBufferSamples) -> list[Tensor]:
+        now, after = self.inputs(drawn.observations), self.inputs(drawn.next_observations)
+        # next states have the same columns, where actions drawn there will be
+        pairs, nexts = (torch.cat([states, drawn.actions], 1) for states in (now, after))
+        return [pairs, nexts, drawn.rewards, self.gamma * (1.0 - drawn.dones)]
 
     def _alpha(self) -> float:
         log_alpha = self.log_ent_coef

@@ -42,6 +42,13 @@ def sample(buffer: Any, count: int) -> DictReplayBufferSamples:
     return DictReplayBufferSamples(seen, actions, after, dones, rewards)
 
 
+def some_of(rows: DictReplayBufferSamples, count: int) -> DictReplayBufferSamples:
+    """So many rows, drawn with replacement by NumPy's global generator as those of a buffer are."""
+    index = torch.from_numpy(np.random.randint(0, len(rows.actions), count))
+    drawn = (each(lambda part: part.index_select(0, index), part) for part in rows[:5])
+    return DictReplayBufferSamples(*drawn)
+
+
 def _hindsight_goals(buffer: HerReplayBuffer, index: NDArray[np.int64]) -> NDArray[np.floating]:
     """Goals that are reached in the episodes of these transitions, (rows, 2)."""
     steps, lanes = np.divmod(index, buffer.n_envs)

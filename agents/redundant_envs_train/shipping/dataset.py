@@ -20,6 +20,7 @@ from redundant_envs.support.modules import IMPORTED
 from redundant_envs.support.progress import counted
 from redundant_envs.support.values import shown
 
+from ..config.files import load, presets
 from ..play import ACTIONS, act_of
 from ..rollout import Act, expert_name, recorded
 from ..run_folder import check_out, new_folder, own_config
@@ -40,11 +41,16 @@ EPISODE_BYTES = 50_000  # more than an episode needs; a full disk ends HDF5 with
 
 def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path, trust: bool = False) -> int:
     """Write episodes of one of ACTORS, or of a folder's policy, as a Minari dataset; episode k has the seed
-    ``seed + k``. Returns their control steps."""
+    ``seed + k``. ``env`` is an id, or for ACTORS the file or preset of a configuration. Returns their control
+    steps."""
     if who not in ACTORS and not exists(Path(who)):
         others = ", ".join(ACTORS)
         raise ValueError(f"source is {shown(who)}; give {others}, or the folder of a run or policy")
     config = None if who in ACTORS else own_config(Path(who))
+    like = config
+    if env and config is None and full_id(env) not in ids() and (env in presets() or exists(Path(env))):
+        like = load(env)
+        env = like.env
     env_id = full_id(env or (config.env if config else ""))
     if env_id not in ids() or (config and env_id != config.env):
         fix = f"leave it out: {who} has a policy of {config.env}" if config else f"choose {listed()}"
@@ -63,7 +69,7 @@ def write_dataset(who: str, env: str | None, episodes: int, seed: int, out: Path
         from minari.dataset.minari_storage import MinariStorage
     act = act_of(Path(who), config, trust) if config else None
     make = (lambda seed: act) if act else ACTIONS[who]
-    spec = spec_of(env_id, config.env_kwargs if config else {})
+    spec = spec_of(env_id, like.env_kwargs if like else {})
     actor = config.label if config else ACTORS[who](env_id)
     name = re.sub(r"[^-\w]", "_", out.absolute().name)
     with new_folder(out) as part:

@@ -22,7 +22,7 @@ from ..config.run import first_environment_seed
 from ..learners.build import make_model
 from ..policies import save_policy, start_from
 from ..rollout import info_names
-from . import checkpoint
+from . import checkpoint, demonstrations
 from .pool import Stopped, stop_request
 from .telemetry import check, logger
 from .watch import OnPoint, Watch
@@ -85,8 +85,14 @@ def _run(
         start_from(model, config, base)
     # after the learner, which sets its own seed in the environments: otherwise seeds would share most goals
     base.seed(first_environment_seed(config.seed))
-    run = identity(config, base.core)
+    run, shown = identity(config, base.core), None
+    if config.demonstrations is not None:
+        shown = demonstrations.of(config, run_config.env_kwargs)
+        model.learn_from(shown.transitions, config.demonstrations.share)
+        run["settings"]["demonstrations"]["sha256"] = shown.sha256
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
+    if shown is not None and not resumed:
+        begun = {"seconds": shown.seconds}
     run_folder.set_aside(folder, run_folder.JUDGED)  # they are of the policy at the stop
     if new:
         described = {run_folder.SCENE: base.core.scene.to_dict(), "config.yaml": config.to_dict()}
@@ -122,6 +128,7 @@ def _run(
         facts = {
             "env_steps": int(model.num_timesteps), "train_seconds": round(watch.seconds(), 2),
             "simulator": run["simulator"],
+            **({} if shown is None else {"demonstrations": shown.facts()}),
             "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
         if full is not None:

@@ -50,7 +50,7 @@ class Watch(BaseCallback):
         """Hold success of the last point of the curve; NaN before it, or if the task does not tell it."""
         self.returned = begun.get("return", math.nan)  # mean return of that point
         self.table = folder / "selection.csv"
-        if not begun:
+        if "next" not in begun:
             write_text(self.table, ",".join(SELECTION) + "\n")
         self._next = begun.get("next", config.curve_every)
         self._before = begun.get("seconds", 0.0)
