@@ -99,6 +99,11 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--episodes", type=int, default=500)
     written(p)
+    p = study(measure, "poses", "what policies have learned: whether they end in poses like the expert's")
+    p.add_argument("folders", nargs="+", type=Path, metavar="RUN", help="run folder or exported policy")
+    p.add_argument("--episodes", type=int, default=500)
+    trusted(p)
+    written(p)
     p = study(accuracy, "accuracy", "error against cost, beside MuJoCo and SciPy")
     configured(p, "accuracy")
     p.add_argument("--out", type=Path, default=OUT, metavar="FOLDER")
@@ -137,6 +142,7 @@ MEASURED: dict[str, tuple[str, Callable[[Any, Any], list[Row]]]] = {
     "effects": ("at", lambda of, o: of.run(of.load_study(_config(o)), o.name)),
     "ilqr": ("arm", lambda of, o: of.run(o.arms, o.goals)),
     "redundancy": ("task", lambda of, o: of.run(o.episodes)),
+    "poses": ("run", lambda of, o: of.run(o.folders, o.episodes, o.trust)),
     "stops": ("states", lambda of, o: of.run(of.policies(o), o.lanes)),
     "impacts": ("family", _families),
     "intervals": ("family", _families),

@@ -4,6 +4,7 @@ import dataclasses
 import importlib.util
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import yaml
 from published_runs import rows
 
 import redundant_envs as rde
+from redundant_envs.control.holding import slider_travel
 from redundant_envs.effects import OWN
 from redundant_envs.envs import cost
 from redundant_envs.scenes import config_folder
@@ -26,6 +28,7 @@ from studies import (
     environments,
     ilqr,
     modes,
+    poses,
     redundancy,
     stops,
     throughput,
@@ -33,6 +36,7 @@ from studies import (
 from studies import accuracy_metrics as metrics
 from studies.__main__ import main
 
+POLICIES = Path(__file__).parents[2] / "policies"
 CASE = {"arm": "RPRP", "integrator": "rk4"}
 STUDIES = config_folder("studies")
 QUICK = yaml.safe_load((STUDIES / "accuracy_quick.yaml").read_text(encoding="utf-8"))
@@ -254,3 +258,19 @@ def test_mistakes_exit_with_2(words, said, capsys, tmp_path, monkeypatch):
     out, err = capsys.readouterr()
     assert (out, len(err.splitlines())) == ("", 1)
     assert said in err
+
+
+def test_a_pose_and_its_mirror_image_are_of_different_classes_and_so_are_sliders_in_and_out():
+    four_r, rprp = rde.load_scene("four_r_reach"), rde.load_scene("rprp_reach")
+    bent = np.array([[0.3, 0.8, 1.1, 1.2], [-0.3, -0.8, -1.1, -1.2]])  # mirrored in the x axis
+    assert {*poses.pose_class(four_r, bent).tolist()} == {0, 1}
+    middle = [0.5 * sum(ends) for ends in slider_travel(rprp).values()]
+    phi = np.array([[0.3, middle[0] + d, 0.8, middle[1] + e] for d in (-0.01, 0.01) for e in (-0.01, 0.01)])
+    assert len({*poses.pose_class(rprp, phi @ np.linalg.inv(rprp.robot.motor_map)).tolist()}) == 4
+
+
+def test_the_study_of_poses_compares_policy_and_expert_on_the_same_goals():
+    (row,) = poses.run([POLICIES / "FourRReach-v0-sac"], 6)
+    assert tuple(row) == poses.COLUMNS
+    assert (row["held"], row["expert_held"]) == (1.0, 1.0)
+    assert 0.0 <= row["like_expert_where_held"] <= 1.0

@@ -1,0 +1,92 @@
+"""What learners have learned: whether they end in poses like those of the expert, and why they fail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from redundant_envs.control.holding import slider_travel
+from redundant_envs.envs.arguments import without_mode
+from redundant_envs.envs.core import Core
+from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.scenes.scene import Scene
+from redundant_envs.support.machine import versions
+from redundant_envs.support.progress import counted
+from redundant_envs_train.policies import load_policy
+from redundant_envs_train.report import OF_ACTIONS
+from redundant_envs_train.rollout import Act, EpisodeEnds, expert_act, policy_act, run_episodes
+from redundant_envs_train.run_folder import own_config
+
+SEED = 41_000_000
+"""Of the first episode: nothing was trained, chosen or tuned on these."""
+FAILURES = ("struck", "heavy", "lost")
+"""Reasons that tasks tell."""
+COLUMNS = (
+    "machine", "date", "python", "llvmlite", "numpy", "commit", "run", "task", "arm",
+    "episodes", "held", "expert_held", "like_expert_where_held", "like_expert_where_missed",
+    *FAILURES,
+)  # fmt: skip
+Array = NDArray[np.float64]
+
+
+def pose_class(scene: Scene, q: Array) -> NDArray[np.int64]:
+    """Number of the class of each pose q (n, joints): on which side of the line from base to tip the middle
+    joint is, and for each slider with stops whether it is in the outer half of its travel."""
+    points, phi = scene.robot.points(q), q @ scene.robot.motor_map
+    (mx, my), (tx, ty) = points[:, points.shape[1] // 2 - 1].T, points[:, -1].T
+    bits = [tx * my - ty * mx > 0.0]
+    bits += [phi[:, joint] > np.mean(ends) for joint, ends in slider_travel(scene).items()]
+    numbers: NDArray[np.int64] = sum(bit.astype(np.int64) << k for k, bit in enumerate(bits))  # type: ignore[assignment]
+    return numbers
+
+
+def last_poses(env_id: str, act: Act, episodes: int, **kwargs: Any) -> tuple[EpisodeEnds, Array]:
+    """Ends of episodes, and the poses (episodes, joints) in which their last actions began."""
+    poses, before = np.zeros((0, 0)), np.full(episodes, -1.0)
+
+    def seen(obs: Any, core: Core, step: int) -> Any:
+        nonlocal poses, before
+        q, steps = core.memory.read(core.scene.robot.coordinates), core.memory.read(("steps",))[:, 0]
+        open_lanes = steps > before  # until an episode is over and another one begins
+        poses = np.where(open_lanes[:, None], q, poses) if len(poses) else q
+        before = np.where(open_lanes, steps, np.inf)
+        return act(obs, core, step)
+
+    return run_episodes(env_id, seen, episodes, SEED, **kwargs), poses
+
+
+def run(folders: Sequence[Path], episodes: int, trust: bool = False) -> list[dict[str, Any]]:
+    """Run the policy of each folder and the expert of its task on the same goals, to rows of ``COLUMNS``."""
+    rows, about = [], versions()
+    with counted("policies", len(folders)) as done:
+        for folder in folders:
+            config = own_config(folder)
+            act = policy_act(load_policy(folder, config, trust))
+            core = make_sb3(config.env, 1, **config.env_kwargs).core
+            efforts = {**config.env_kwargs, "scene": without_mode(core.scene)}
+            for name in OF_ACTIONS:
+                efforts.pop(name, None)
+            policy, its = last_poses(config.env, act, episodes, **config.env_kwargs)
+            expert, theirs = last_poses(config.env, expert_act(), episodes, **efforts)
+            assert policy.hold is not None
+            assert expert.hold is not None
+            same = pose_class(core.scene, its) == pose_class(core.scene, theirs)
+            failed = {name: policy.metrics.get(name) for name in FAILURES}
+            rows.append({
+                **about, "run": folder.name, "task": core.task.name, "arm": core.scene.robot.kind,
+                "episodes": episodes, "held": share(policy.hold), "expert_held": share(expert.hold),
+                "like_expert_where_held": share(same[policy.hold & expert.hold]),
+                "like_expert_where_missed": share(same[~policy.hold & expert.hold]),
+                **{name: "" if flags is None else share(flags > 0.0) for name, flags in failed.items()},
+            })  # fmt: skip
+            done(folder.name)
+    return rows
+
+
+def share(flags: NDArray[np.bool_]) -> float | str:
+    """Share of the true ones; empty if there are none at all."""
+    return round(float(flags.mean()), 4) if len(flags) else ""
