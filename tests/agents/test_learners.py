@@ -9,13 +9,14 @@ import torch
 from sb3_contrib import TQC, CrossQ
 from short_trainings import small_config
 from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.buffers import NStepReplayBuffer
 from stable_baselines3.common.utils import set_random_seed
 
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.learners.build import make_model
 from redundant_envs_train.learners.networks import goal_mixing
 from redundant_envs_train.learners.ppo import neighbouring_actions
-from redundant_envs_train.learners.sampling import sample
+from redundant_envs_train.learners.sampling import sample, sample_ahead
 
 SMALL = {
     "ppo": {"n_steps": 4, "batch_size": 32, "net_arch": [16, 12]},
@@ -109,6 +110,29 @@ def test_samples_are_those_of_stable_baselines3_to_the_bit(algo, settings, full)
     names = ("observations", "actions", "next_observations", "dones", "rewards")
     ours, theirs = ({name: getattr(drawn, name) for name in names} for drawn, _ in found)
     torch.testing.assert_close(ours, theirs, rtol=0.0, atol=0.0)
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_rewards_of_several_steps_are_those_of_stable_baselines3_and_stop_at_the_end_of_an_episode(full):
+    model = make("sac", "FourRReachAround-v0", buffer_size=3200, learning_starts=5000)
+    model.learn(4800 if full else 2400)
+    buffer, count, ahead = model.replay_buffer, 700, 3
+    assert buffer.full is full
+    assert buffer.dones.any()
+    space = model.observation_space, model.action_space
+    theirs = NStepReplayBuffer(3200, *space, device="cpu", n_envs=16, n_steps=ahead, gamma=0.9)
+    vars(theirs).update(vars(buffer))
+    np.random.seed(7)
+    drawn, soon = sample_ahead(buffer, count, ahead, 0.9)
+    np.random.seed(7)
+    there, oldest = (buffer.buffer_size, buffer.pos) if full else (buffer.pos, 0)
+    steps = (np.random.randint(0, there - ahead + 1, count) + oldest) % buffer.buffer_size
+    same = theirs._get_samples(steps)  # draws the environments
+    for name in ("observations", "actions", "next_observations", "dones", "rewards", "discounts"):
+        torch.testing.assert_close(getattr(drawn, name), getattr(same, name), rtol=1e-6, atol=0.0)
+    assert not torch.equal(soon, drawn.next_observations)
+    one, after = sample_ahead(buffer, count, 1, 0.9)
+    assert torch.equal(one.next_observations, after)
 
 
 # ---- smooth actions, and averages -------------------------------------------------------------------

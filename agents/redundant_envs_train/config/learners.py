@@ -102,6 +102,7 @@ class SACSettings(PlainSACSettings):
 
     learning_rate: Real = number(6e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     policy_delay: Whole = number(2, *DELAY)
+    rewards_ahead: Whole = number(1, 1, 100, "actions whose rewards count before the value of the next state")
     smoothness: Real = number(0.1, *SMOOTHNESS)
     average: Real = number(0.9995, 0, 1 - 1e-9, "share of the average that an actor step keeps; 0: none")
 
@@ -114,6 +115,7 @@ class HERSettings(SACSettings):
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     learning_rate: Real = number(4e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")
+    rewards_ahead: Whole = number(1, 1, 1, "as of sac; hindsight goals are those of single steps")
     smoothness: Real = number(0.05, *SMOOTHNESS)
     smoothness_at_goal: Real = number(0.6, 0, 1000, AT_GOAL)
     gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")

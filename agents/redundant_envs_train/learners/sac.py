@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from redundant_envs.support.extras import needs
 
 from .networks import ERROR_SCALE, Adam, Averaging, Layers, Networks, Tape, dtanh, goal_mixing, linear_layers
-from .sampling import sample, some_of
+from .sampling import sample, sample_ahead, some_of
 
 with needs("train"):
     import torch
@@ -47,17 +47,19 @@ class AveragedSAC(Averaging, SAC):
     ``policy_delay`` are the critic steps from one actor step to the next, ``average`` is the share of the
     average that an actor step keeps, and ``smoothness`` the weight of ``|a(s) - a(s')|^2`` in the actor's
     loss: mean actions at a state and at the next; ``smoothness_at_goal`` is that of steps whose reward is
-    above the mean of the sample: those that reach their goal, if rewards have two values.
+    above the mean of the sample: those that reach their goal, if rewards have two values. Values are those
+    of ``rewards_ahead`` rewards and the state after them; without hindsight goals alone.
     """
 
     def __init__(
         self, *args: Any, activation: str = "silu", policy_delay: int = 2, smoothness: float = 0.1,
         smoothness_at_goal: float | None = None, average: float = 0.9995, error_scale: float = ERROR_SCALE,
-        **kwargs: Any,
+        rewards_ahead: int = 1, **kwargs: Any,
     ) -> None:  # fmt: skip
         self.activation, self.error_scale = activation, error_scale
         self.policy_delay, self.average = policy_delay, average
         self.smoothness, self.smoothness_at_goal = smoothness, smoothness_at_goal
+        self.rewards_ahead = rewards_ahead
         self.demonstrations: DictReplayBufferSamples | None = None
         self.share = 0.0
         super().__init__(*args, **kwargs)
@@ -113,11 +115,11 @@ class AveragedSAC(Averaging, SAC):
             count = self.policy_delay - self._n_updates % self.policy_delay  # steps to the actor's next one
             group, batches = batches[:count], batches[count:]
             with_actor = len(group) == count
-            pairs, *_, smoothness = group[-1]
-            chosen = torch.cat([*(nexts for _, nexts, *_ in group), *([pairs] if with_actor else [])])
+            pairs, _, _, _, smoothness, *soon = group[-1]
+            chosen = torch.cat([*(nexts for _, nexts, *_ in group), *([*soon, pairs] if with_actor else [])])
             ahead = self._draw(chosen[:, :width])  # until its next step the actor stays as it is
             chosen[:, width:] = ahead.actions
-            for k, (pairs, _, rewards, discounts, _) in enumerate(group):
+            for k, (pairs, _, rewards, discounts, *_) in enumerate(group):
                 rows = slice(k * batch_size, (k + 1) * batch_size)
                 self._n_updates += 1
                 self._update_critics(pairs, chosen[rows], rewards, discounts, ahead.log_prob[rows], rate)
@@ -131,27 +133,35 @@ class AveragedSAC(Averaging, SAC):
 
     def _data(self, batch_size: int, gradient_steps: int) -> list[Tensor]:
         """Of the samples of all gradient steps, one after another: states with actions, next states with
-        room for actions, rewards, discounts, and weights of the term for smooth actions."""
+        room for actions, rewards, discounts, and weights of the term for smooth actions. Where values are
+        those after several steps, the states after one are added."""
         shown = 0 if self.demonstrations is None else round(self.share * batch_size)
-        data = self._columns(sample(self.replay_buffer, (batch_size - shown) * gradient_steps))
+        count = (batch_size - shown) * gradient_steps
+        if self.rewards_ahead == 1:
+            data = self._columns(sample(self.replay_buffer, count))
+        else:
+            ahead = self.rewards_ahead
+            data = self._columns(*sample_ahead(self.replay_buffer, count, ahead, self.gamma))
         if isinstance(self.replay_buffer, HerReplayBuffer):
             # A sample has all original goals first; every gradient step gets its share of them.
             order = torch.randperm(len(data[0]))
             data = [part.index_select(0, order) for part in data]
         if self.demonstrations is not None:
-            others = self._columns(some_of(self.demonstrations, shown * gradient_steps))
+            given = some_of(self.demonstrations, shown * gradient_steps)
+            others = self._columns(given, None if self.rewards_ahead == 1 else given.next_observations)
             pairs = [
                 [part.view(gradient_steps, -1, part.shape[1]) for part in pair]
                 for pair in zip(data, others, strict=True)
             ]
             data = [torch.cat(pair, 1).flatten(0, 1) for pair in pairs]
-        return [*data, self._smoothness(data[2])]
+        return [*data[:4], self._smoothness(data[2]), *data[4:]]
 
-    def _columns(self, drawn: DictReplayBufferSamples) -> list[Tensor]:
-        now, after = self.inputs(drawn.observations), self.inputs(drawn.next_observations)
+    def _columns(self, drawn: DictReplayBufferSamples, soon: Any = None) -> list[Tensor]:
+        seen = [drawn.observations, drawn.next_observations, *([] if soon is None else [soon])]
         # next states have the same columns, where actions drawn there will be
-        pairs, nexts = (torch.cat([states, drawn.actions], 1) for states in (now, after))
-        return [pairs, nexts, drawn.rewards, self.gamma * (1.0 - drawn.dones)]
+        pairs, nexts, *others = (torch.cat([self.inputs(states), drawn.actions], 1) for states in seen)
+        discounts = self.gamma if drawn.discounts is None else drawn.discounts
+        return [pairs, nexts, drawn.rewards, discounts * (1.0 - drawn.dones), *others]
 
     def _alpha(self) -> float:
         log_alpha = self.log_ent_coef

@@ -42,6 +42,36 @@ def sample(buffer: Any, count: int) -> DictReplayBufferSamples:
     return DictReplayBufferSamples(seen, actions, after, dones, rewards)
 
 
+def sample_ahead(buffer: Any, count: int, n_steps: int, gamma: float) -> tuple[DictReplayBufferSamples, Any]:
+    """Transitions over ``n_steps`` steps, or to the end of an episode (Sutton 1988), of a ReplayBuffer: the
+    discounted sum of the rewards, the observation after them, and the discount of its value. Beside them the
+    observations after one step."""
+    there = buffer.buffer_size if buffer.full else buffer.pos
+    n_steps = min(n_steps, there)
+    steps = np.random.randint(0, there - n_steps + 1, count) + (buffer.pos if buffer.full else 0)
+    lanes = np.random.randint(0, buffer.n_envs, count)
+    rewards, discounts, alive = np.zeros((3, count, 1), np.float32)
+    discounts += 1.0
+    alive += 1.0
+    first = last = steps % buffer.buffer_size * buffer.n_envs + lanes
+    for k in range(n_steps):
+        index = (steps + k) % buffer.buffer_size * buffer.n_envs + lanes
+        last = np.where(alive[:, 0] > 0.0, index, last)
+        rewards += alive * discounts * _rows(buffer.rewards, index)[:, None]
+        discounts *= np.where(alive > 0.0, np.float32(gamma), np.float32(1.0))
+        alive *= 1.0 - _rows(buffer.dones, index)[:, None]
+    ends = _rows(buffer.dones, last) * (1.0 - _rows(buffer.timeouts, last))
+    seen, after, soon = (
+        each(torch.from_numpy, _rows(part, index))
+        for part, index in (
+            (buffer.observations, first), (buffer.next_observations, last), (buffer.next_observations, first),
+        )
+    )  # fmt: skip
+    numbers = map(torch.from_numpy, (_rows(buffer.actions, first), ends[:, None], rewards, discounts))
+    actions, dones, sums, powers = numbers
+    return DictReplayBufferSamples(seen, actions, after, dones, sums, powers), soon
+
+
 def some_of(rows: DictReplayBufferSamples, count: int) -> DictReplayBufferSamples:
     """So many rows, drawn with replacement by NumPy's global generator as those of a buffer are."""
     index = torch.from_numpy(np.random.randint(0, len(rows.actions), count))
