@@ -115,7 +115,6 @@ class HERSettings(SACSettings):
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     learning_rate: Real = number(4e-3, *RATE, "Adam's, of actor and critics, at the beginning")
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")
-    rewards_ahead: Whole = number(1, 1, 1, "as of sac; hindsight goals are those of single steps")
     smoothness: Real = number(0.05, *SMOOTHNESS)
     smoothness_at_goal: Real = number(0.6, 0, 1000, AT_GOAL)
     gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")

@@ -143,6 +143,8 @@ class Config(Model):
                 fix = f"with {settings.n_quantiles} quantiles give at most {most}"
                 raise self._wrong("top_quantiles_to_drop_per_net", fix)
         if isinstance(settings, learners.HERSettings):
+            if settings.rewards_ahead > 1:
+                raise self._wrong("rewards_ahead", "hindsight goals are those of single steps: give 1")
             # hindsight needs whole episodes: the first ones are over before the first gradient step
             least = self.num_envs * self.env_kwargs.get("max_episode_steps", TASKS[IDS[self.env].task])
             for name, smallest in {"learning_starts": least, "buffer_size": 2 * least}.items():
