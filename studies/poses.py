@@ -72,8 +72,9 @@ def run(folders: Sequence[Path], episodes: int, trust: bool = False) -> list[dic
                 efforts.pop(name, None)
             policy, its = last_poses(config.env, act, episodes, **config.env_kwargs)
             expert, theirs = last_poses(config.env, expert_act(), episodes, **efforts)
-            assert policy.hold is not None
-            assert expert.hold is not None
+            if policy.hold is None or expert.hold is None:
+                fix = "give runs of tasks that tell it"
+                raise ValueError(f"folders has {folder}, of {config.env}, which tells no success; {fix}")
             same = pose_class(core.scene, its) == pose_class(core.scene, theirs)
             failed = {name: policy.metrics.get(name) for name in FAILURES}
             rows.append({

@@ -149,8 +149,10 @@ class Evaluation(Model):
 class ShownFacts(Model):
     """What training.json tells of demonstrations."""
 
+    model_config = ConfigDict(extra="ignore")
+
     episodes: Count
-    held: Count
+    held: Count | None  # None where the task tells no success
     sha256: Line  # of the transitions
     seconds: Amount
 

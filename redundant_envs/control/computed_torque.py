@@ -50,7 +50,7 @@ class ComputedTorque:
         Of their numbers ``limit`` and ``hold_steps`` say how soon the goal has to be held, and
         ``decide_every`` how long an action holds."""
         end = self.pose(self.model.scene, q, goal)
-        self._ahead = horizon(np.max(numbers.get("decide_every", 1)) * self.scene.control_dt)
+        self._ahead = horizon(self.model, np.max(numbers.get("decide_every", 1)) * self.scene.control_dt)
         seconds = np.minimum(latest_end(numbers, self.scene.control_dt), self.duration)[:, None]
         if index is None:
             self._start, self._end = q.copy(), end

@@ -1,5 +1,5 @@
-"""Computed torque and joint velocities along references of all lanes; a slider that rests at a stop leans on
-it."""
+"""Computed torque along references of all lanes, where a slider that rests at a stop leans on it; and joint
+velocities, whose controller counts such a slider as free."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from redundant_envs.control.nominal import NominalModel
 from redundant_envs.control.time_law import Motion
 
 Array = NDArray[np.float64]
-LAG = 0.04  # s in which the controller below joint velocities follows, 1 / its usual gain
 AT_STOP = 1e-3  # m from a stop within which a slider at rest leans on it
 
 
@@ -71,14 +70,14 @@ class VelocityFollowing(Following):
 
     def action(self, t: Array | float, q: Array, qd: Array) -> NDArray[np.float32]:
         """Actions (n, joints) in [-1, 1] at times ``t`` [s] since each reference began."""
-        ahead = horizon(self.span)
+        ahead = horizon(self.model, self.span)
         return towards(self.model, self.reference(np.add(t, ahead))[0], q @ self.model.b, ahead)
 
 
-def horizon(span: float) -> float:
-    """Time [s] in which joint velocities that hold for ``span`` bring the arm to where it should be then:
-    with less they overshoot."""
-    return span + LAG
+def horizon(model: NominalModel, span: float) -> float:
+    """Time [s] in which joint velocities that hold for ``span`` bring the arm to where it should be then: the
+    controller below them follows in 1 / gain, and with less they overshoot."""
+    return span + 1.0 / model.gain
 
 
 def towards(model: NominalModel, place: Array, phi: Array, seconds: float) -> NDArray[np.float32]:

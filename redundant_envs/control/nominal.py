@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 
 class NominalModel:
     """Arm, gravity, viscous friction, effort limits and stops of a scene; its other effects are unknown to
-    plans. All arrays are (..., joints), in joint coordinates: rad or m, N m or N. ``speeds`` are those in
-    units of which the mode :class:`~redundant_envs.effects.JointVelocity` takes actions, or None; ``scene``
+    plans. All arrays are (..., joints), in joint coordinates: rad or m, N m or N. ``speeds`` and ``gain`` are
+    those of the mode :class:`~redundant_envs.effects.JointVelocity`, None and infinite without it; ``scene``
     is without that mode.
 
     Raises
@@ -32,6 +32,7 @@ class NominalModel:
     def __init__(self, scene: Scene) -> None:
         mode = next((e for e in scene.effects if isinstance(e, JointVelocity)), None)
         self.speeds: Array | None = None if mode is None else np.array(mode.speeds)
+        self.gain = np.inf if mode is None else float(mode.gain)
         if mode:
             others = tuple(effect for effect in scene.effects if effect is not mode)
             scene = dataclasses.replace(scene, effects=others)

@@ -115,11 +115,10 @@ def override_one(data: dict[str, Any], override: str) -> None:
 
 def keys() -> Iterator[tuple[str, Any]]:
     """Dotted names of all keys, with their fields."""
-    groups = ("demonstrations", *ALGORITHMS)
     for name, field in Config.model_fields.items():
-        if name not in groups:
+        if name not in ALGORITHMS:
             yield name, field
-    for group in groups:
+    for group in ("demonstrations", *ALGORITHMS):
         for name, field in model_at(Config, (group,)).model_fields.items():
             yield f"{group}.{name}", field
 

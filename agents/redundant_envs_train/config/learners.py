@@ -134,10 +134,13 @@ class HERSettings(SACSettings):
         return values
 
 
+EXPERT = "expert"  # the source of demonstrations that is no dataset
+
+
 class Demonstrations(Model):
     """Episodes that hold their goal, of which each sample of a learner has a share."""
 
-    source: Text = value("expert", "expert: that of the task; or the folder or id of a Minari dataset")
+    source: Text = value(EXPERT, "expert: that of the task; or the folder or id of a Minari dataset")
     episodes: Whole = number(1000, 1, 10_000, "played or read; those that hold their goal count")
     share: Real = number(0.5, 0.01, 0.99, "of each sample of the learner")
 

@@ -103,6 +103,10 @@ class Config(Model):
         if self.demonstrations is not None and self.algo not in DEMONSTRATED:
             fix = f"{' and '.join(DEMONSTRATED)} learn from demonstrations; leave them out, or choose one"
             raise ValueError(f"demonstrations are given, and algo is {self.algo}; {fix}")
+        if self.demonstrations is not None and not 0 < self.demonstrated < self.settings.batch_size:
+            batch = f"{self.demonstrated} of the {self.settings.batch_size} samples of a gradient step"
+            fix = f"give a share, or {self.algo}.batch_size, that leaves some of both"
+            raise ValueError(f"demonstrations.share is {self.demonstrations.share:g}: {batch}; {fix}")
         has_goal = "Goal" in self.env
         others = listed(name for name in ids() if ("Goal" in name) != has_goal)
         if self.algo == "her" and not has_goal:
@@ -159,6 +163,12 @@ class Config(Model):
     @property
     def settings(self) -> learners.PlainPPOSettings | learners.OffPolicySettings:
         return getattr(self, self.algo)
+
+    @property
+    def demonstrated(self) -> int:
+        """Samples of a gradient step that come from demonstrations."""
+        share = 0.0 if self.demonstrations is None else self.demonstrations.share
+        return round(share * self.settings.batch_size)
 
     @property
     def label(self) -> str:

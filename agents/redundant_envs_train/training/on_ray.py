@@ -25,6 +25,7 @@ from redundant_envs.support.modules import IMPORTED, OPTION
 from redundant_envs.support.values import shown
 
 from ..config import Config, checked
+from ..config.learners import EXPERT
 from ..run_folder import CHECKPOINT, STATE, check_new, replace_folder
 from .many import Teller, finish, is_finished, prepared, result_of
 from .pool import POLL, News, count_of, follow
@@ -64,6 +65,9 @@ def train_on_ray(
     for config in configs.values():
         if config.start_from is not None:
             raise ValueError(f"start_from is {shown(config.start_from)}, a file that {lack}")
+        if config.demonstrations is not None and config.demonstrations.source != EXPERT:
+            source = shown(config.demonstrations.source)
+            raise ValueError(f"demonstrations.source is {source}, a dataset that {lack}")
     if address is not None and not address.strip():
         raise ValueError("address is empty; give host:port, ray://host:port or auto, or leave it out")
     count = count_of(processes)

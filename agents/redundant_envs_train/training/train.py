@@ -87,7 +87,7 @@ def _run(
     base.seed(first_environment_seed(config.seed))
     run, shown = identity(config, base.core), None
     if config.demonstrations is not None:
-        shown = demonstrations.of(config, run_config.env_kwargs)
+        shown = demonstrations.of(config, run_config.env_kwargs, base.core)
         model.learn_from(shown.transitions, config.demonstrations.share)
         run["settings"]["demonstrations"]["sha256"] = shown.sha256
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
