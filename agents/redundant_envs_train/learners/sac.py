@@ -48,7 +48,7 @@ class AveragedSAC(Averaging, SAC):
     average that an actor step keeps, and ``smoothness`` the weight of ``|a(s) - a(s')|^2`` in the actor's
     loss: mean actions at a state and at the next; ``smoothness_at_goal`` is that of steps whose reward is
     above the mean of the sample: those that reach their goal, if rewards have two values. Values are those
-    of ``rewards_ahead`` rewards and the state after them; without hindsight goals alone.
+    of ``rewards_ahead`` rewards and the state after them; 1 with hindsight goals.
     """
 
     def __init__(
