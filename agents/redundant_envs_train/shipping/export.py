@@ -17,7 +17,6 @@ from redundant_envs.support.disk import disk_errors, write_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.tables import Markdown, code
 from redundant_envs.support.values import shown
-from redundant_envs.tasks import ReachTask
 
 from ..config import Config, OffPolicySettings, PlainPPOSettings
 from ..evidence.runs import read_run
@@ -142,7 +141,8 @@ def card(
     return front_matter(config, evaluation, scene, MODULES.get(learner, "stable-baselines3"), count) + page(
         "card", config=config, evaluation=evaluation, layers=layers, worst=worst, checked=LANES * STEPS,
         core=core, scene=scene, learner=learner, module=MODULES.get(learner, "stable_baselines3"),
-        reaches=isinstance(core.task, ReachTask), motors=WORDS.get(len(core.actions), len(core.actions)),
+        reaches=core.task.name in ("Reach", "GoalReach"),
+        motors=WORDS.get(len(core.actions), len(core.actions)),
         updates=updates, origin=Markdown(ORIGIN[config.algo]), most_steps=core.task.steps,
         several=len(layers.inputs) > 1,
         parts=Markdown(", ".join(parts)), inputs=Markdown(" and ".join(parts)),
