@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
+from redundant_envs.support.tables import markdown
 from redundant_envs_train.policies import load_policy
 from redundant_envs_train.report import OF_ACTIONS
 from redundant_envs_train.rollout import Act, EpisodeEnds, expert_act, policy_act, run_episodes
@@ -91,3 +92,13 @@ def run(folders: Sequence[Path], episodes: int, trust: bool = False) -> list[dic
 def share(flags: NDArray[np.bool_]) -> float | str:
     """Share of the true ones; empty if there are none at all."""
     return round(float(flags.mean()), 4) if len(flags) else ""
+
+
+def poses_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Successes, reasons of failures, and successes in a pose like the expert's, in percent, by run."""
+    heads = "run", "success", "touched", "heavy", "target lost", "like the expert"
+    names = "held", *FAILURES, "like_expert_where_held"
+    cells = [[f"{100 * float(row[n]):.1f}" if row[n] != "" else "" for n in names] for row in rows]
+    return markdown(
+        heads, [(f"`{row['run']}`", *line) for row, line in zip(rows, cells, strict=True)], formatted=True
+    )

@@ -18,6 +18,7 @@ from studies import strength as strength_run
 from studies.environments import tasks_table
 from studies.ilqr import ilqr_table
 from studies.modes import modes_table
+from studies.poses import poses_table
 from studies.redundancy import redundancy_table
 from studies.strength import learner_rows, read_rows
 
@@ -96,6 +97,10 @@ def test_the_table_of_strengths_is_what_the_study_wrote():
 
 def test_the_table_of_experts_is_what_the_study_wrote():
     assert redundancy_table(rows(RESULTS / "redundancy.csv")) in page("redundancy")
+
+
+def test_the_table_of_what_was_tried_is_what_the_study_of_poses_wrote():
+    assert poses_table(rows(RESULTS / "tried.csv")) in page("redundancy")
 
 
 def test_the_table_of_modes_is_what_the_study_wrote():
