@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from redundant_envs.control.holding import slider_travel
-from redundant_envs.envs.arguments import without_mode
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.scene import Scene
@@ -18,7 +17,7 @@ from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
 from redundant_envs.support.tables import markdown
 from redundant_envs_train.policies import load_policy
-from redundant_envs_train.report import OF_ACTIONS
+from redundant_envs_train.report import with_efforts
 from redundant_envs_train.rollout import Act, EpisodeEnds, expert_act, policy_act, run_episodes
 from redundant_envs_train.run_folder import own_config
 
@@ -41,7 +40,7 @@ def pose_class(scene: Scene, q: Array) -> NDArray[np.int64]:
     (mx, my), (tx, ty) = points[:, points.shape[1] // 2 - 1].T, points[:, -1].T
     bits = [tx * my - ty * mx > 0.0]
     bits += [phi[:, joint] > np.mean(ends) for joint, ends in slider_travel(scene).items()]
-    numbers: NDArray[np.int64] = sum(bit.astype(np.int64) << k for k, bit in enumerate(bits))  # type: ignore[assignment]
+    numbers: NDArray[np.int64] = np.transpose(bits) @ (1 << np.arange(len(bits)))
     return numbers
 
 
@@ -62,17 +61,18 @@ def last_poses(env_id: str, act: Act, episodes: int, **kwargs: Any) -> tuple[Epi
 
 def run(folders: Sequence[Path], episodes: int, trust: bool = False) -> list[dict[str, Any]]:
     """Run the policy of each folder and the expert of its task on the same goals, to rows of ``COLUMNS``."""
-    rows, about = [], versions()
+    rows, about, experts = [], versions(), dict[str, tuple[EpisodeEnds, Array]]()
     with counted("policies", len(folders)) as done:
         for folder in folders:
             config = own_config(folder)
             act = policy_act(load_policy(folder, config, trust))
             core = make_sb3(config.env, 1, **config.env_kwargs).core
-            efforts = {**config.env_kwargs, "scene": without_mode(core.scene)}
-            for name in OF_ACTIONS:
-                efforts.pop(name, None)
+            efforts = with_efforts(config.env_kwargs, core.scene)
             policy, its = last_poses(config.env, act, episodes, **config.env_kwargs)
-            expert, theirs = last_poses(config.env, expert_act(), episodes, **efforts)
+            key = repr((config.env, {**efforts, "scene": efforts["scene"].to_dict()}))
+            if key not in experts:
+                experts[key] = last_poses(config.env, expert_act(), episodes, **efforts)
+            expert, theirs = experts[key]
             if policy.hold is None or expert.hold is None:
                 fix = "give runs of tasks that tell it"
                 raise ValueError(f"folders has {folder}, of {config.env}, which tells no success; {fix}")

@@ -16,6 +16,7 @@ from redundant_envs import Numerics, __version__
 from redundant_envs.envs.arguments import without_mode
 from redundant_envs.envs.core import Core
 from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.scenes.scene import Scene
 from redundant_envs.support.disk import replacing, write_text
 from redundant_envs.support.machine import machine_name
 from redundant_envs.support.tables import Markdown
@@ -57,8 +58,7 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     core = make_sb3(config.env, 1, **config.env_kwargs).core
     expert, refusal = None, None
     if core.goal_fields:
-        kwargs = {name: value for name, value in config.env_kwargs.items() if name not in OF_ACTIONS}
-        kwargs["scene"] = without_mode(core.scene)
+        kwargs = with_efforts(config.env_kwargs, core.scene)
         try:
             expert = run_episodes(config.env, expert_act(), n, EVALUATION_SEED, **kwargs)
         except ValueError as error:  # it knows no such scene; the policy is evaluated all the same
@@ -88,6 +88,12 @@ def evaluate(folder: Path, trust: bool = False) -> EvaluationResult:
     columns += [None, None] if expert is None else [expert.hold, expert.distance]
     known = [np.full(n, np.nan) if column is None else column for column in columns]
     return EvaluationResult(result, np.column_stack([EVALUATION_SEED + np.arange(n), *known]))
+
+
+def with_efforts(env_kwargs: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
+    """Arguments of an environment with this scene in which the expert acts: by efforts, in every step."""
+    kwargs = {name: value for name, value in env_kwargs.items() if name not in OF_ACTIONS}
+    return {**kwargs, "scene": without_mode(scene)}
 
 
 Mask = NDArray[np.bool_]

@@ -22,13 +22,9 @@ def env_of(config):
     return make_sb3(config.env, config.num_envs, **config.env_kwargs)
 
 
-def core_of(config):
-    return env_of(config).core
-
-
 def of(**settings):
     config = small_config("sac", env_kwargs=SHORT, demonstrations={"episodes": 30, **settings})
-    return config, demonstrations.of(config, config.env_kwargs, core_of(config))
+    return config, demonstrations.of(config, config.env_kwargs, env_of(config))
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +47,9 @@ def test_transitions_are_those_of_the_episodes_that_hold_their_goal(shown):
 
 def test_the_same_seed_gives_the_same_demonstrations_and_another_one_others(shown):
     config, found = shown
-    assert demonstrations.of(config, SHORT, core_of(config)).sha256 == found.sha256
+    assert demonstrations.of(config, SHORT, env_of(config)).sha256 == found.sha256
     other = config.model_copy(update={"seed": 5})
-    assert demonstrations.of(other, SHORT, core_of(config)).sha256 != found.sha256
+    assert demonstrations.of(other, SHORT, env_of(config)).sha256 != found.sha256
 
 
 @pytest.mark.parametrize("case", ["sac", "her"])
@@ -98,7 +94,7 @@ def test_a_run_tells_of_its_demonstrations_and_goes_on_with_no_others(tmp_path, 
     ).read_text(encoding="utf-8")
     kill(tmp_path / "killed", "demonstrated", checkpoint_seconds=1e-9)
     fewer = small_config("demonstrated", demonstrations={"episodes": 19, "share": 0.25})
-    one_less = demonstrations.of(fewer, fewer.env_kwargs, core_of(fewer))
+    one_less = demonstrations.of(fewer, fewer.env_kwargs, env_of(fewer))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(demonstrations, "of", lambda *_: one_less)
         with says("it was made with demonstrations.sha256: ", "make a new run"):
@@ -110,13 +106,13 @@ def test_an_expert_that_knows_no_such_actions_is_refused():
         config = small_config(
             "sac", env_kwargs={**SHORT, "action": "tip_velocity"}, demonstrations={"episodes": 2}
         )
-        demonstrations.of(config, config.env_kwargs, core_of(config))
+        demonstrations.of(config, config.env_kwargs, env_of(config))
 
 
 def test_episodes_that_hold_nothing_are_refused():
     config = small_config("sac", env_kwargs={"max_episode_steps": 12}, demonstrations={"episodes": 2})
     with says("none of its 2 episodes holds its goal"):
-        demonstrations.of(config, config.env_kwargs, core_of(config))
+        demonstrations.of(config, config.env_kwargs, env_of(config))
 
 
 @pytest.mark.long
@@ -130,12 +126,12 @@ def test_a_dataset_gives_what_the_expert_gives_and_is_of_the_same_environment(sh
     read = config.model_copy(
         update={"demonstrations": config.demonstrations.model_copy(update={"source": str(folder)})}
     )
-    assert demonstrations.of(read, SHORT, core_of(read)).sha256 == found.sha256
+    assert demonstrations.of(read, SHORT, env_of(read)).sha256 == found.sha256
     with says("demonstrations.source is", "recorded with max_episode_steps 60, and the training has 50"):
-        demonstrations.of(read, {"max_episode_steps": 50}, core_of(read))
+        demonstrations.of(read, {"max_episode_steps": 50}, env_of(read))
     with says("which is no sound Minari dataset", "give expert"):
         lost = config.demonstrations.model_copy(update={"source": str(tmp_path / "nowhere")})
-        demonstrations.of(config.model_copy(update={"demonstrations": lost}), SHORT, core_of(config))
+        demonstrations.of(config.model_copy(update={"demonstrations": lost}), SHORT, env_of(config))
 
 
 @pytest.mark.long
@@ -146,13 +142,13 @@ def test_a_dataset_of_an_action_mode_serves_a_run_whose_scene_has_the_mode(tmp_p
     file.write_text(yaml.safe_dump(config.to_dict()))
     write_dataset("expert", str(file), 10, 40_000, folder)
     read = small_config("demonstrated", demonstrations={"source": str(folder), "episodes": 10})
-    core = core_of(read)
-    held = {**read.env_kwargs, "scene": core.scene.to_dict()}  # as a run folder keeps it
-    found = [demonstrations.of(read, kwargs, core) for kwargs in (read.env_kwargs, held)]
+    env = env_of(read)
+    held = {**read.env_kwargs, "scene": env.core.scene.to_dict()}  # as a run folder keeps it
+    found = [demonstrations.of(read, kwargs, env) for kwargs in (read.env_kwargs, held)]
     assert found[0].sha256 == found[1].sha256
     slower = {**held, "scene": {**held["scene"], "control_dt": 0.01}}
     with says("recorded with scene.control_dt 0.02, and the training has 0.01"):
-        demonstrations.of(read, slower, core)
+        demonstrations.of(read, slower, env)
 
 
 @pytest.mark.long
@@ -163,7 +159,7 @@ def test_damaged_episodes_and_those_with_goals_of_evaluations_are_refused(tmp_pa
     def of_source(source):
         given = {"source": str(tmp_path / source), "episodes": 3}
         read = small_config("sac", env_kwargs={}, demonstrations=given)
-        return demonstrations.of(read, {}, core_of(read))
+        return demonstrations.of(read, {}, env_of(read))
 
     write_dataset("expert", RPRP, 3, 0, tmp_path / "sound")
     assert of_source("sound").held == 3

@@ -61,12 +61,12 @@ class AveragedSAC(Averaging, SAC):
         self.smoothness, self.smoothness_at_goal = smoothness, smoothness_at_goal
         self.rewards_ahead = rewards_ahead
         self.demonstrations: DictReplayBufferSamples | None = None
-        self.share = 0.0
+        self.demonstrated = 0
         super().__init__(*args, **kwargs)
 
-    def learn_from(self, demonstrations: DictReplayBufferSamples, share: float) -> None:
-        """Take a share of each sample from demonstrations, as in RLPD (Ball et al. 2023)."""
-        self.demonstrations, self.share = demonstrations, share
+    def learn_from(self, demonstrations: DictReplayBufferSamples, count: int) -> None:
+        """Take so many samples of each gradient step from demonstrations, as in RLPD (Ball et al. 2023)."""
+        self.demonstrations, self.demonstrated = demonstrations, count
 
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "demonstrations"]
@@ -135,8 +135,7 @@ class AveragedSAC(Averaging, SAC):
         """Of the samples of all gradient steps, one after another: states with actions, next states with
         room for actions, rewards, discounts, and weights of the term for smooth actions. Where values are
         those after several steps, the states after one are added."""
-        shown = 0 if self.demonstrations is None else round(self.share * batch_size)
-        count = (batch_size - shown) * gradient_steps
+        count = (batch_size - self.demonstrated) * gradient_steps
         if self.rewards_ahead == 1:
             data = self._columns(sample(self.replay_buffer, count))
         else:
@@ -147,7 +146,7 @@ class AveragedSAC(Averaging, SAC):
             order = torch.randperm(len(data[0]))
             data = [part.index_select(0, order) for part in data]
         if self.demonstrations is not None:
-            given = some_of(self.demonstrations, shown * gradient_steps)
+            given = some_of(self.demonstrations, self.demonstrated * gradient_steps)
             others = self._columns(given, None if self.rewards_ahead == 1 else given.next_observations)
             pairs = [
                 [part.view(gradient_steps, -1, part.shape[1]) for part in pair]

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
-from redundant_envs.envs.core import Core
 from redundant_envs.support.extras import needs
 from redundant_envs.support.progress import counted
 from redundant_envs.support.values import shown
@@ -19,7 +18,7 @@ from ..config.learners import EXPERT
 from ..config.run import first_environment_seed
 from ..rollout import SUCCESS, each, expert_act, info_names, recorded
 from ..shipping.dataset import LANES, spec_of
-from .recorded import Episode, read_episodes
+from .dataset_episodes import Episode, read_episodes
 
 with needs("train"):
     import torch
@@ -41,17 +40,17 @@ class Demonstrations(NamedTuple):
         return {**counts, "sha256": self.sha256, "seconds": round(self.seconds, 2)}
 
 
-def of(config: Config, env_kwargs: dict[str, Any], core: Core) -> Demonstrations:
-    """The demonstrations of a configuration, whose environment has these arguments. Where the task tells no
-    success, all episodes count. ValueError if there are none."""
+def of(config: Config, env_kwargs: dict[str, Any], env: Any) -> Demonstrations:
+    """The demonstrations of a configuration, whose environments are ``env`` and have these arguments. Where
+    the task tells no success, all episodes count. ValueError if there are none."""
     settings, begun = config.demonstrations, time.perf_counter()
     assert settings is not None
     spec = spec_of(config.env, env_kwargs)
-    tells_success = SUCCESS[0] in info_names(core)
+    tells_success = SUCCESS[0] in info_names(env.core)
     if settings.source == EXPERT:
         episodes = _played(spec, settings.episodes, first_environment_seed(config.seed))
     else:
-        episodes = read_episodes(settings.source, spec, settings.episodes, tells_success)
+        episodes = read_episodes(settings.source, spec, settings.episodes, env, tells_success)
     rows: list[list[Any]] = []
     played = 0
     for observations, (actions, rewards, terminations, *_), infos in episodes:

@@ -87,8 +87,8 @@ def _run(
     base.seed(first_environment_seed(config.seed))
     run, shown = identity(config, base.core), None
     if config.demonstrations is not None:
-        shown = demonstrations.of(config, run_config.env_kwargs, base.core)
-        model.learn_from(shown.transitions, config.demonstrations.share)
+        shown = demonstrations.of(config, run_config.env_kwargs, base)
+        model.learn_from(shown.transitions, config.demonstrated)
         run["settings"]["demonstrations"]["sha256"] = shown.sha256
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
     if shown is not None and not resumed:

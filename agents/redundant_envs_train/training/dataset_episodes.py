@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
@@ -23,9 +22,9 @@ Episode = tuple[Any, list[NDArray[Any]], Mapping[str, Any]]
 """Observations, arrays of the steps (actions, rewards, terminations, ..), and infos, from the reset on."""
 
 
-def read_episodes(source: str, spec: EnvSpec, count: int, tells_success: bool) -> Iterator[Episode]:
+def read_episodes(source: str, spec: EnvSpec, count: int, env: Any, tells_success: bool) -> Iterator[Episode]:
     """The first episodes of a dataset, by its folder or its id. ValueError if it is damaged, of another
-    environment than that of ``spec``, or has goals that evaluations use."""
+    environment than that of ``spec``, as ``env`` is one, or has goals that evaluations use."""
     name = f"demonstrations.source is {shown(source)}"
     with needs("datasets"):
         import h5py  # noqa: F401 - Minari imports it, and does not require it
@@ -60,7 +59,6 @@ def read_episodes(source: str, spec: EnvSpec, count: int, tells_success: bool) -
             raise ValueError(
                 f"{name}, with the seed {seed}, whose goals evaluate policies; record it with others"
             )
-    env: Any = gym.make(spec)
     for k, (observations, steps, infos) in enumerate(episodes):
         if problem := _problem(env, observations, steps, infos, tells_success):
             raise ValueError(f"{name}, whose episode {k} {problem}; record it again")
