@@ -2,17 +2,21 @@
 
 import shutil
 
+import gymnasium as gym
 import pytest
 import torch
 import yaml
 from run_folders import RPRP, says
 from short_trainings import kill, small_config
 
+import redundant_envs as rde
+from redundant_envs.envs.arguments import with_mode
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs_train.learners.build import make_model
 from redundant_envs_train.run_folder import read_facts
-from redundant_envs_train.shipping.dataset import write_dataset
+from redundant_envs_train.shipping.dataset import spec_of, write_dataset
 from redundant_envs_train.training import demonstrations
+from redundant_envs_train.training.dataset_episodes import simulated
 from redundant_envs_train.training.train import resume, train
 
 SHORT = {"max_episode_steps": 60}  # too short for some goals of the expert
@@ -99,6 +103,14 @@ def test_a_run_tells_of_its_demonstrations_and_goes_on_with_no_others(tmp_path, 
         patch.setattr(demonstrations, "of", lambda *_: one_less)
         with says("it was made with demonstrations.sha256: ", "make a new run"):
             resume(tmp_path / "killed")
+
+
+def test_an_environment_is_the_same_whichever_way_its_arguments_say_it():
+    plain = spec_of(RPRP, {"action": "joint_velocity"})
+    scene = with_mode(rde.load_scene("rprp_reach"), "joint_velocity")
+    others = {"scene": scene}, {"action": "joint_velocity", "on_bad_action": "terminate"}
+    assert all(simulated(spec_of(RPRP, given)) == simulated(plain) for given in others)
+    assert simulated(gym.spec(RPRP)) == simulated(spec_of(RPRP, {})) != simulated(plain)
 
 
 def test_an_expert_that_knows_no_such_actions_is_refused():
