@@ -7,7 +7,7 @@ import pytest
 import torch
 import yaml
 from run_folders import RPRP, says
-from short_trainings import kill, small_config
+from short_trainings import CASES, kill, small_config
 
 import redundant_envs as rde
 from redundant_envs.envs.arguments import with_mode
@@ -60,7 +60,7 @@ def test_the_same_seed_gives_the_same_demonstrations_and_another_one_others(show
 def test_each_gradient_step_has_its_share_of_demonstrations(case, tmp_path):
     config = small_config(
         case, total_steps=3200, demonstrations={"episodes": 20, "share": 0.25},
-        **({"env_kwargs": SHORT} if case == "sac" else {}),
+        **{case: {**CASES[case][case], "gradient_steps": 4}}, **({"env_kwargs": SHORT} if case == "sac" else {}),
     )  # fmt: skip
     seen = []
 
@@ -81,7 +81,7 @@ def test_each_gradient_step_has_its_share_of_demonstrations(case, tmp_path):
             train(config, tmp_path / "run")
     batch_size, rewards = seen[0]
     of_steps = (rewards == 7.0).reshape(-1, batch_size).sum(1)
-    assert of_steps.tolist() == [round(0.25 * batch_size)] * len(of_steps)
+    assert of_steps.tolist() == [round(0.25 * batch_size)] * 4
 
 
 @pytest.mark.long
