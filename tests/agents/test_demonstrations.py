@@ -60,7 +60,8 @@ def test_the_same_seed_gives_the_same_demonstrations_and_another_one_others(show
 def test_each_gradient_step_has_its_share_of_demonstrations(case, tmp_path):
     config = small_config(
         case, total_steps=3200, demonstrations={"episodes": 20, "share": 0.25},
-        **{case: {**CASES[case][case], "gradient_steps": 4}}, **({"env_kwargs": SHORT} if case == "sac" else {}),
+        **{case: {**CASES[case][case], "gradient_steps": 4}},
+        **({"env_kwargs": SHORT} if case == "sac" else {}),
     )  # fmt: skip
     seen = []
 
