@@ -135,6 +135,20 @@ def test_rewards_of_several_steps_are_those_of_stable_baselines3_and_stop_at_the
     assert torch.equal(one.next_observations, after)
 
 
+def test_with_several_rewards_actions_are_compared_with_those_at_the_very_next_state(monkeypatch):
+    model = make("sac", learning_starts=5000, rewards_ahead=3, policy_delay=1)
+    model.learn(2400)
+    data, states = model._data(32, 1), []
+    monkeypatch.setattr(model, "_data", lambda *_: data)
+    monkeypatch.setattr(
+        model, "_update_actor", lambda chosen, drawn, *_: states.append(drawn.outputs[-64:-32])
+    )
+    model.train(1, 32)
+    soon, width = data[-1], data[0].shape[1] - 4
+    assert not torch.equal(soon[:, :width], data[1][:, :width])
+    torch.testing.assert_close(states[0], model.networks["actor"].outputs(soon[:, :width])[0])
+
+
 # ---- smooth actions, and averages -------------------------------------------------------------------
 
 
