@@ -114,6 +114,7 @@ def test_an_environment_is_the_same_whichever_way_its_arguments_say_it():
     assert simulated(gym.spec(RPRP)) == simulated(spec_of(RPRP, {})) != simulated(plain)
 
 
+@pytest.mark.long
 def test_an_expert_that_knows_no_such_actions_is_refused():
     with says("demonstrations.source is expert", "the expert knows efforts and joint velocities", "dataset"):
         config = small_config(

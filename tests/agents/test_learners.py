@@ -114,7 +114,7 @@ def test_samples_are_those_of_stable_baselines3_to_the_bit(algo, settings, full)
 
 @pytest.mark.parametrize("full", [False, True])
 def test_rewards_of_several_steps_are_those_of_stable_baselines3_and_stop_at_the_end_of_an_episode(full):
-    model = make("sac", "FourRReachAround-v0", buffer_size=3200, learning_starts=5000)
+    model = make("sac", buffer_size=3200, learning_starts=5000)
     model.learn(4800 if full else 2400)
     buffer, count, ahead = model.replay_buffer, 700, 3
     assert buffer.full is full
