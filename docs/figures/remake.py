@@ -16,6 +16,10 @@ from PIL import Image
 
 import redundant_envs as rde
 from redundant_envs.control import ComputedTorque
+from redundant_envs.control.clearance import clearance, discs_of
+from redundant_envs.control.nominal import NominalModel
+from redundant_envs.control.poses import poses_at
+from redundant_envs.envs.face import numbers_of
 from redundant_envs.envs.registration import full_id
 from redundant_envs.envs.rendering import stated_limits
 from redundant_envs.robots import drawn
@@ -27,7 +31,7 @@ from redundant_envs_train.evidence.runs import read_groups
 from redundant_envs_train.evidence.table import results_of
 from redundant_envs_train.play import play
 from redundant_envs_train.policies import load_policy
-from redundant_envs_train.rollout import expert_act, policy_act, stacked
+from redundant_envs_train.rollout import expert_act, policy_act, run_episodes, stacked
 from redundant_envs_train.run_folder import own_config
 from studies import redundancy
 from studies.__main__ import main
@@ -41,8 +45,7 @@ BRIEF = {
 """Columns of the table of the README, and those of all results that they show."""
 ROOT = Path(__file__).resolve().parents[2]
 FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"
-CLIPS = {"rprp_reach": "RPRPReach-v0-sac", "four_r_reach": "FourRReach-v0-sac"}
-"""Clip -> policy."""
+AROUND = POLICIES / "FourRReachAround-v0-sac"
 THUMBNAILS = {
     "rprp_reach": [("RPRPReach-v0-sac", 4, 18)],
     "four_r_reach": [("FourRReach-v0-sac", 4, 18)],
@@ -99,8 +102,24 @@ def moment(policy: str, seed: int, steps: int) -> Any:
 
 def clips() -> None:
     """Both arms under their policies."""
-    for name, policy in CLIPS.items():
-        play(str(POLICIES / policy), None, FIGURES / f"{name}.gif", episodes=3, seed=1)
+    play(str(POLICIES / "RPRPReach-v0-sac"), None, FIGURES / "rprp_reach.gif", episodes=3, seed=1)
+    seed = where_two_joints_fail(AROUND)
+    play(str(AROUND), None, FIGURES / "four_r_reach_around.gif", episodes=1, seed=seed)
+
+
+def where_two_joints_fail(policy: Path) -> int:
+    """The first seed with which this policy holds a goal at which both poses of TwoR touch a disc."""
+    config, two, gaps = own_config(policy), NominalModel(rde.load_scene("two_r_around")), []
+    act = policy_act(load_policy(policy, config, trust=False))
+
+    def acts(obs: Any, core: Any, step: int) -> Any:
+        if step == 0:
+            poses = poses_at(two, core.goals(), np.zeros((len(core.goals()), two.joints)), 1)
+            gaps.append(clearance(two, poses, discs_of(core.scene, numbers_of(core))[:, None]))
+        return act(obs, core, step)
+
+    held = run_episodes(config.env, acts, 200, 1, **config.env_kwargs).hold
+    return 1 + int(np.flatnonzero(held & (gaps[0] < 0.0).all(axis=1))[0])
 
 
 def readings(env: Any, obs: Any) -> tuple[Any, Any]:
@@ -179,15 +198,16 @@ def scene_picture(name: str) -> Any:
     return made
 
 
-def brief_table(places: Iterable[str | Path]) -> str:
-    """Hold success and training time of runs as one small Markdown table, that of the README."""
-    rows = [[row[name] for name in BRIEF.values()] for row in map(results_of, read_groups(places))]
-    return markdown(list(BRIEF), ([*row, f"{seconds} s"] for *row, seconds in rows))
+def brief_table(places: Iterable[str | Path], expert: bool = True) -> str:
+    """Hold success and training time of runs as one small Markdown table, without or with their experts'."""
+    shown = {head: name for head, name in BRIEF.items() if expert or head != "expert"}
+    rows = [[row[name] for name in shown.values()] for row in map(results_of, read_groups(places))]
+    return markdown(list(shown), ([*row, f"{seconds} s"] for *row, seconds in rows))
 
 
 def results(readme: Path) -> None:
     """Write the table of results between its marks."""
-    table = brief_table([RESULTS / "runs.jsonl"])
+    table = brief_table([RESULTS / "runs.jsonl", RESULTS / "baselines.jsonl" / "*plain*" / "*"], expert=False)
     text = readme.read_text(encoding="utf-8")
     marked = re.compile(r"(<!-- results: .*? -->\n).*?(<!-- end of results -->)", re.S)
     readme.write_text(marked.sub(rf"\g<1>{table}\n\g<2>", text), encoding="utf-8")

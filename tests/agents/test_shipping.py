@@ -35,7 +35,7 @@ def run(tmp_path):
 @pytest.fixture(scope="module")
 def published():
     """Evaluations of all published runs, by environment, learner, scene and seed."""
-    runs = read_runs([RESULTS / f"{table}.jsonl" for table in ("runs", "baselines", "weak")])
+    runs = read_runs([RESULTS / f"{table}.jsonl" for table in ("runs", "baselines", "weak", "redundancy_runs")])
     return {
         (r.env, r.settings["algo"], r.settings["env_kwargs"].get("scene"), r.seed): r.evaluation for r in runs
     }
@@ -70,6 +70,7 @@ def test_files_of_a_shipped_policy_agree_to_1e_6_and_its_card_has_the_published_
     _, head, body = (folder / "README.md").read_text(encoding="utf-8").split("---\n", 2)
     for part in ("## Task", "## How it was trained", "## Results", "## Limits", "## Load it", config.env):
         assert part in body
+    assert ("A touch ended" in body) == ("terminate_on_touch" in config.env_kwargs)
     data, table = yaml.safe_load(head), dict(re.findall(r"^\| ([a-z ]+) \| ([^|]+) \|", body, re.M))
     library = "sb3-contrib" if config.algo in ("tqc", "crossq") else "stable-baselines3"
     assert data["library_name"] == library

@@ -53,13 +53,15 @@ SEED = 4_000_000  # episodes of the check; no other part uses these
 
 def name_of(config: Config) -> str:
     """Folder of a policy: id without namespace, scene if it is another one, algorithm. ValueError if the
-    environment has arguments that would have to be published with the policy."""
-    for key, value in config.env_kwargs.items():
+    environment has arguments that would have to be published with the policy. Whether a touch ended its
+    episodes is none: its successes touch nothing."""
+    of_scene = {key: value for key, value in config.env_kwargs.items() if key != "terminate_on_touch"}
+    for key, value in of_scene.items():
         if key != "scene" or value not in scene_names():
             names = ", ".join(scene_names())
             fit = f"policies of environments as they are registered, or with a scene of the package ({names})"
             raise ValueError(f"env_kwargs.{key} is {shown(value)}; {fit}, are exported")
-    return "-".join([config.env.split("/")[-1], *config.env_kwargs.values(), config.algo])
+    return "-".join([config.env.split("/")[-1], *of_scene.values(), config.algo])
 
 
 def export(run: Path, out: Path) -> Path:
