@@ -53,8 +53,8 @@ SEED = 4_000_000  # episodes of the check; no other part uses these
 
 def name_of(config: Config) -> str:
     """Folder of a policy: id without namespace, scene if it is another one, algorithm. ValueError if the
-    environment has arguments that would have to be published with the policy. Whether a touch ended its
-    episodes is none: its successes touch nothing."""
+    environment has arguments that would have to be published with the policy; ``terminate_on_touch`` is none
+    of them, as it changes no success."""
     of_scene = {key: value for key, value in config.env_kwargs.items() if key != "terminate_on_touch"}
     for key, value in of_scene.items():
         if key != "scene" or value not in scene_names():
