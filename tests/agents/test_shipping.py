@@ -35,7 +35,8 @@ def run(tmp_path):
 @pytest.fixture(scope="module")
 def published():
     """Evaluations of all published runs, by environment, learner, scene and seed."""
-    runs = read_runs([RESULTS / f"{table}.jsonl" for table in ("runs", "baselines", "weak", "redundancy_runs")])
+    tables = "runs", "baselines", "weak", "redundancy_runs"
+    runs = read_runs([RESULTS / f"{table}.jsonl" for table in tables])
     return {
         (r.env, r.settings["algo"], r.settings["env_kwargs"].get("scene"), r.seed): r.evaluation for r in runs
     }
