@@ -78,7 +78,7 @@ def missed_goals(name, count):
     return scene, q[far][:count], goals[far][:count]
 
 
-@pytest.mark.quick("rprp_reach")
+@pytest.mark.quick("four_r_reach")
 @pytest.mark.parametrize("name", WEAK)
 def test_it_rests_at_goals_that_computed_torque_misses(name):
     scene, q, goals = missed_goals(name, 4)

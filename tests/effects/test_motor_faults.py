@@ -84,6 +84,7 @@ def test_an_impact_does_not_move_a_joint_that_a_brake_holds(arm, joint, start, h
     assert abs((batch.q @ arm.motor_map)[0, joint] - place) <= 4.0 * np.spacing(np.abs(batch.q).max())
 
 
+@pytest.mark.quick("4R")
 @pytest.mark.parametrize(
     ("arm", "types", "start", "hard"),
     [(FOUR_R, "RRR", [-0.5, -0.3, -0.4, -0.2], HARD), (RPRP, "PRP", [-1.5, 0.1, 0.3, 0.1], stops(RPRP))],

@@ -54,6 +54,7 @@ def curve(info, phase):
     return turned + np.stack([info["centre_x"], info["centre_y"]], axis=-1)[:, None]
 
 
+@pytest.mark.quick("FourR")
 @pytest.mark.parametrize("arm", ["FourR", "RPRP", "TwoR"])
 def test_goals_are_clear_of_the_discs_and_no_start_touches_one(arm):
     env, info = vector(f"{arm}ReachAround")
@@ -135,6 +136,7 @@ def test_a_touch_ends_the_episode_if_it_shall():
         gym.make(AROUND, terminate_on_touch=True, task={"terminate_on_touch": False})
 
 
+@pytest.mark.quick("RPRP")
 @pytest.mark.parametrize("arm", ["FourR", "RPRP", "TwoR"])
 def test_loads_at_rest_are_the_efforts_that_hold_the_pose(arm):
     env, info = vector(f"{arm}ReachLight")
@@ -259,7 +261,7 @@ def test_curves_margins_and_starts_that_cannot_be_drawn(name, numbers, said):
         OWN[name](**numbers)
 
 
-@pytest.mark.quick("ReachAround-RPRP", "ReachFault-FourR")
+@pytest.mark.quick("ReachFault-FourR")
 @pytest.mark.parametrize("arm", ["FourR", "RPRP", "TwoR"])
 @pytest.mark.parametrize("name", [name for name in OWN if "Track" not in name])
 def test_a_step_that_a_fault_undoes_does_not_complete_a_hold(arm, name):

@@ -134,6 +134,7 @@ def test_intervals_that_were_beyond_their_tolerance_keep_it(found):
 ENDS = {found["what"]: found for found in FOUND["ends of another program"]}
 
 
+@pytest.mark.quick("a rest with dry friction that is found late")
 @pytest.mark.parametrize("what", ENDS)
 def test_intervals_end_where_another_program_ends_them(what):
     """Each was off by tolerances when it was found."""

@@ -61,7 +61,7 @@ STEPPING = {
 }
 
 
-@pytest.mark.quick("rprp_reach-tolerance")
+@pytest.mark.quick("four_r_reach-tolerance")
 @pytest.mark.parametrize("stepping", STEPPING)
 @pytest.mark.parametrize("name", ["four_r_reach", "rprp_reach"])
 def test_the_closest_approach_within_a_step_is_that_of_a_fine_simulation(name, stepping):

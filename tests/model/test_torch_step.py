@@ -85,6 +85,7 @@ def test_what_has_no_derivative_is_refused_with_what_to_use(scene, said):
         rde.torch_step(scene)
 
 
+@pytest.mark.quick("1e-9")
 @pytest.mark.parametrize("steps", ["three rk4", "1e-9"])
 def test_how_torch_keeps_tensors_does_not_matter(steps):
     given, step = start(FOUR_R), rde.torch_step(scene_of(FOUR_R, steps))
