@@ -17,12 +17,12 @@ def rows(table: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def published_run(name: str, folder: Path) -> Path:
-    """Make the folder of a run of docs/results/runs.jsonl whose policy is in policies/."""
+def published_run(name: str, folder: Path, table: str = "runs") -> Path:
+    """Make the folder of a run of a table of docs/results whose policy is in policies/."""
     from redundant_envs_train.evidence.runs import read_runs
     from redundant_envs_train.run_folder import SELECTION
 
-    (run,) = read_runs([RESULTS / "runs.jsonl" / name])
+    (run,) = read_runs([RESULTS / f"{table}.jsonl" / name])
     others = ignore_patterns("README.md", "policy.npz", "policy.onnx")
     copytree(ROOT / "policies" / f"{run.env.split('/')[1]}-{run.settings['algo']}", folder, ignore=others)
     (folder / "evaluation.json").write_text(json.dumps(run.evaluation))

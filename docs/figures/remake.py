@@ -205,9 +205,14 @@ def brief_table(places: Iterable[str | Path], expert: bool = True) -> str:
     return markdown(list(shown), ([*row, f"{seconds} s"] for *row, seconds in rows))
 
 
+def readme_table() -> str:
+    stock = RESULTS / "baselines.jsonl" / "*plain*" / "*"
+    return brief_table([RESULTS / "runs.jsonl", stock], expert=False)
+
+
 def results(readme: Path) -> None:
     """Write the table of results between its marks."""
-    table = brief_table([RESULTS / "runs.jsonl", RESULTS / "baselines.jsonl" / "*plain*" / "*"], expert=False)
+    table = readme_table()
     text = readme.read_text(encoding="utf-8")
     marked = re.compile(r"(<!-- results: .*? -->\n).*?(<!-- end of results -->)", re.S)
     readme.write_text(marked.sub(rf"\g<1>{table}\n\g<2>", text), encoding="utf-8")

@@ -134,8 +134,12 @@ def without_differences(card):
     return text + re.sub(r"[\d.]+e-\d+", "?", last)
 
 
-def test_an_export_of_a_shipped_run_is_what_is_shipped(tmp_path):
-    run = published_run("four_r_goal_reach_her/seed110", tmp_path / "run")
+@pytest.mark.parametrize(
+    ("name", "table"),
+    [("four_r_goal_reach_her/seed110", "runs"), ("four_r_reach_around_sac/seed352", "redundancy_runs")],
+)
+def test_an_export_of_a_shipped_run_is_what_is_shipped(name, table, tmp_path):
+    run = published_run(name, tmp_path / "run", table)
     folder = export(run, tmp_path)
     shipped = ROOT / "policies" / folder.name
     cards = [without_differences((place / "README.md").read_text()) for place in (folder, shipped)]

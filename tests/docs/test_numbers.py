@@ -83,8 +83,9 @@ def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
     made = [line for line in table.splitlines() if line.startswith("| ")]
     assert len(made) >= 8
     assert [row for row in made if row not in page(name)] == []
-    brief_table = runpy.run_path(str(ROOT / "docs" / "figures" / "remake.py"))["brief_table"]
-    assert brief_table([RESULTS / "redundancy_runs.jsonl"]) in page("redundancy")
+    remake = runpy.run_path(str(ROOT / "docs" / "figures" / "remake.py"))
+    assert remake["brief_table"]([RESULTS / "redundancy_runs.jsonl"]) in page("redundancy")
+    assert remake["readme_table"]() in text(README)
 
 
 def test_the_table_of_strengths_is_what_the_study_wrote():
