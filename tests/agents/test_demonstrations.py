@@ -56,7 +56,6 @@ def test_the_same_seed_gives_the_same_demonstrations_and_another_one_others(show
     assert demonstrations.of(other, SHORT, env_of(config)).sha256 != found.sha256
 
 
-@pytest.mark.quick("sac")
 @pytest.mark.parametrize("case", ["sac", "her"])
 def test_each_gradient_step_has_its_share_of_demonstrations(case, tmp_path):
     config = small_config(

@@ -95,7 +95,7 @@ def test_clips_keep_time(decide_every, monkeypatch, tmp_path):
     assert written == [pytest.approx(2.0, rel=0.11)]  # s, of an episode
 
 
-@pytest.mark.long
+@pytest.mark.quick("3")
 @pytest.mark.parametrize("decide_every", [3, 5])
 def test_measures_of_a_motion_do_not_depend_on_how_long_a_decision_lasts(decide_every):
     def measures(decide_every, mode, command):
