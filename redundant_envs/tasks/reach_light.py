@@ -20,7 +20,7 @@ from redundant_envs.language.algebra import (
 )
 from redundant_envs.scenes.scene import Scene
 from redundant_envs.tasks.base import hard_stops
-from redundant_envs.tasks.reach import ReachTask, end_term, rate_term, success
+from redundant_envs.tasks.reach import ReachTask, effort_term, end_term, rate_term, success
 
 AT_STOP = 1e-3
 """m: a slider that is so near to a stop leans on it, and the stop bears its load."""
@@ -93,17 +93,24 @@ def light_counter(hold, touched, distance, speed, load, reach, goal_tolerance, h
     return at_goal * slow * easy * (hold + 1.0), where(touched + at_goal > 0.0, 1.0, 0.0)
 
 
+@physics(gives="most_load")
+def most_load(load, rest):
+    """The load at rest counts, too: efforts that alternate around it are below it in every other step."""
+    return maximum(load, rest)
+
+
 @physics(gives="light_term")
-def light_term(distance, reach, load, light):
-    """0.23 tolerance(distance, 0.05 reach) tolerance(max(load - 0.8 light, 0), 0.2 light)"""
-    return 0.23 * tolerance(distance, 0.05 * reach) * tolerance(maximum(load - 0.8 * light, 0.0), 0.2 * light)
+def light_term(distance, reach, most_load, light, goal_tolerance):
+    """0.42 tolerance(distance, goal_tolerance reach) tolerance(max(most load - 0.97 light, 0), 0.03 light)"""
+    excess = maximum(most_load - 0.97 * light, 0.0)
+    return 0.42 * tolerance(distance, goal_tolerance * reach) * tolerance(excess, 0.03 * light)
 
 
 @physics(gives="pose_term")
 def pose_term(distance, reach, rest, light):
-    """0.23 tolerance(distance, 0.3 reach) tolerance(max(load at rest - 0.8 light, 0), 0.667 light)"""
+    """0.26 tolerance(distance, 0.3 reach) tolerance(max(load at rest - 0.8 light, 0), 0.667 light)"""
     excess = maximum(rest - 0.8 * light, 0.0)
-    return 0.23 * tolerance(distance, 0.3 * reach) * tolerance(excess, 0.667 * light)
+    return 0.26 * tolerance(distance, 0.3 * reach) * tolerance(excess, 0.667 * light)
 
 
 @physics(gives="settle_term")
@@ -135,7 +142,7 @@ class ReachLightTask(ReachTask):
     labels = {**ReachTask.labels, "rest": "load_at_rest"}
     held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "heavy", "load", "cost")
     summed: ClassVar[tuple[str, ...]] = ("cost",)
-    weights = (0.15, 0.15, 0.16)
+    weights = (0.1, 0.1, 0.0)
     units = {**ReachTask.units, "light": "limits"}
     ranges = {**ReachTask.ranges, "light": (1e-6, 1.0)}
 
@@ -149,7 +156,7 @@ class ReachLightTask(ReachTask):
             )
         return (
             *super().functions(scene), largest_effort(joints), *loads_at_rest(scene, limits),
-            observed_loads(joints), largest_at_rest(joints),
+            observed_loads(joints), largest_at_rest(joints), most_load,
         )  # fmt: skip
 
     def success_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
@@ -159,9 +166,17 @@ class ReachLightTask(ReachTask):
     def settling_term(self) -> Callable[..., Any]:
         return settle_term
 
+    def distance_terms(self) -> tuple[Callable[..., Any], ...]:
+        return super().distance_terms()[:2]  # light_term is the precise one
+
     def reward_functions(self, scene: Scene) -> tuple[Callable[..., Any], ...]:
-        rates = rate_term(len(scene.robot.joints))
-        return (*self.distance_terms(), light_term, pose_term, self.settling_term, rates, end_term)
+        joints = len(scene.robot.joints)
+        efforts, rates = effort_term(joints), rate_term(joints)
+        light = light_term, pose_term, efforts
+        return (*self.distance_terms(), *light, self.settling_term, rates, end_term)
+
+    def reward_note(self) -> str:
+        return f"{super().reward_note()} The most load is the larger one of `load` and `load_at_rest`."
 
     def observation(self, scene: Scene) -> dict[str, str]:
         what = "effort that holds the pose against gravity / limit"

@@ -184,6 +184,16 @@ def test_a_goal_is_held_only_while_every_motor_is_light():
             break
 
 
+@pytest.mark.parametrize(("q", "pays"), [((2.2, 0.9, 0.9, 2.2), 0.97), ((0.0, 0.3, 0.3, 0.3), 0.37)])
+def test_a_heavy_pose_pays_less_than_a_light_one_even_while_its_motors_rest(q, pays):
+    """Else efforts that alternate around what holds the pose would be paid in every other step."""
+    env, _ = vector("FourRReachLight", 1)
+    goal = env.scene.robot.forward_kinematics(q)
+    env.reset(options={"q": np.array([q]), "goal": np.array([goal])})
+    reward = env.step(np.zeros((1, 4), np.float32))[1][0]
+    assert reward == pytest.approx(pays, abs=0.02)
+
+
 def test_a_lost_target_is_told_and_success_needs_it_never_lost():
     env, info = vector("TwoRTrack", 64)
     for step in range(70):
