@@ -30,6 +30,7 @@ CASES = {
         "algo": "sac", "sac": REPLAY, "env_kwargs": {"action": "joint_velocity", "decide_every": 5},
         "demonstrations": {"episodes": 20, "share": 0.25},
     },
+    "best": {"algo": "sac", "sac": REPLAY, "keep": "best", "curve_every": 200},
     **{algo: {algo: REPLAY} for algo in ("sac", "plain_sac", "td3", "tqc", "crossq")},
 }  # fmt: skip
 """Settings of short trainings, by algorithm or by what is special."""

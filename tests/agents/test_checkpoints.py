@@ -22,6 +22,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.support.disk import DiskFull, alone
 from redundant_envs_train import command
+from redundant_envs_train.policies import load_policy
+from redundant_envs_train.rollout import SELECTION_SEED, policy_act, run_episodes
 from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint
 from redundant_envs_train.training.train import resume, train
@@ -60,6 +62,15 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path):
     assert times == sorted(times)
     assert times[-1] > 1000.0
     assert not find_checkpoint(killed)
+
+
+def test_the_policy_of_the_best_point_is_kept_where_the_run_says_so(tmp_path):
+    config = small_config("best")
+    train(config, tmp_path)
+    returned = [float(row["return"]) for row in csv_rows(tmp_path / "selection.csv")]
+    act = policy_act(load_policy(tmp_path, config))
+    again = run_episodes(config.env, act, config.curve_episodes, SELECTION_SEED, **config.env_kwargs)
+    assert returned[-1] < max(returned) == pytest.approx(again.returns.mean(), abs=1e-4)
 
 
 @pytest.mark.parametrize("stagger", [True, False])

@@ -60,6 +60,9 @@ class Config(Model):
     torch_threads: Whole = number(1, 1, 1024, "threads of PyTorch")
     curve_every: Whole = number(400_000, 1, 1e12, "environment steps from one point of the curve to the next")
     curve_episodes: Whole = number(500, 1, MAX_EPISODES, "episodes of a point of the curve")
+    keep: Literal["last", "best"] = value(
+        "last", "policy of policy.zip: the last one, or that of the best point of the curve"
+    )
     evaluation_episodes: Whole = number(1000, 1, MAX_EPISODES, "episodes on the frozen evaluation goals")
     checkpoint_seconds: Real = number(30.0, 0.0, 1e9, "training time between checkpoints; 0: none", "s")
     telemetry: tuple[Literal["tensorboard", "csv", "wandb", "mlflow"], ...] = value(

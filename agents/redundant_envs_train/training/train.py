@@ -131,13 +131,14 @@ def _run(
             **({} if shown is None else {"demonstrations": shown.facts()}),
             "split": {name: round(share, 3) for name, share in watch.split().items()},
         }  # fmt: skip
+        best = config.keep == "best" and (folder / "policy.zip").is_file()
         if full is not None:
-            message = keep(model, folder)
+            message = "the policy of the best point is kept" if best else keep(model, folder)
             with suppress(DiskFull):
                 run_folder.write_json(folder / "training.json", {**facts, "stopped": True})
             steps = f"{facts['env_steps']} of {config.total_steps} steps"
             raise DiskFull(f"{full}. After {steps} {message}") from full
-        if stopped:
+        if stopped and not best:
             save_policy(model, folder / "policy.zip")
         run_folder.write_json(folder / "training.json", {**facts, "stopped": stopped})
     if stopped:

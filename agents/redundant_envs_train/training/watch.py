@@ -15,7 +15,7 @@ from redundant_envs.support.extras import needs
 from ..config import Config
 from ..policies import save_policy
 from ..rollout import SELECTION_SEED, policy_act, run_episodes
-from ..run_folder import SELECTION
+from ..run_folder import SELECTION, read_curve
 from . import checkpoint
 
 with needs("train"):
@@ -25,6 +25,8 @@ with needs("train"):
 PARTS = ("environment", "policy", "gradient")
 """Parts of a training's time: steps of the environments, choices of actions, updates of the networks."""
 CURVE = SELECTION[-3:]  # numbers of a point of the curve: hold success, touch success, mean return
+BETTER = "hold_success", "return"
+"""What a better point of the curve has more of; the second counts where the first is equal."""
 SHOW_EVERY = 0.5  # s, between two looks of the user at the progress
 LOGGED = {"touch_success": "touch_success", "hold_success": "is_success", "distance_m": "distance"}
 """Names in the log -> those in ``info``; a task may lack some."""
@@ -160,11 +162,17 @@ class Watch(BaseCallback):
         apart = {**dict.fromkeys(logged, ()), "time/total_timesteps": ("tensorboard",)}  # its own axis
         for log in self.logger.output_formats:
             log.write(logged, apart, self.num_timesteps)
-        save_policy(self.model, self.folder / "policy.zip")
+        if config.keep == "last" or self._is_best():
+            save_policy(self.model, self.folder / "policy.zip")
         self._apart += time.perf_counter() - begun
         self._show()
         if self.on_point is not None:
             self.on_point(self.num_timesteps, self.hold, self.returned)
+
+    def _is_best(self) -> bool:
+        """Whether no earlier point of the curve holds more goals, or as many with a higher return."""
+        points = np.nan_to_num(read_curve(self.folder))[:, [SELECTION.index(name) for name in BETTER]]
+        return bool(max(map(tuple, points)) == tuple(points[-1]))
 
     def _show(self) -> None:
         config, self._shown = self.config, time.perf_counter()
