@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,10 @@ SEED = 41_000_000
 """Of the first episode: nothing was trained, chosen or tuned on these."""
 FAILURES = ("struck", "heavy", "lost")
 """Reasons that tasks tell."""
+LIKE = "like_expert_where_held"
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "run", "task", "arm",
-    "episodes", "held", "expert_held", "like_expert_where_held", "like_expert_where_missed",
+    "episodes", "held", "expert_held", LIKE, "like_expert_where_missed",
     *FAILURES,
 )  # fmt: skip
 Array = NDArray[np.float64]
@@ -81,7 +83,7 @@ def run(folders: Sequence[Path], episodes: int, trust: bool = False) -> list[dic
             rows.append({
                 **about, "run": folder.name, "task": core.task.name, "arm": core.scene.robot.kind,
                 "episodes": episodes, "held": share(policy.hold), "expert_held": share(expert.hold),
-                "like_expert_where_held": share(same[policy.hold & expert.hold]),
+                LIKE: share(same[policy.hold & expert.hold]),
                 "like_expert_where_missed": share(same[~policy.hold & expert.hold]),
                 **{name: "" if flags is None else share(flags > 0.0) for name, flags in failed.items()},
             })  # fmt: skip
@@ -95,10 +97,16 @@ def share(flags: NDArray[np.bool_]) -> float | str:
 
 
 def poses_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Successes, reasons of failures, and successes in a pose like the expert's, in percent, by run."""
+    """Successes of each seed of a run, and means over its seeds of reasons of failures and of successes in a
+    pose like the expert's, in percent."""
     heads = "run", "success", "touched", "heavy", "target lost", "like the expert"
-    names = "held", *FAILURES, "like_expert_where_held"
-    cells = [[f"{100 * float(row[n]):.1f}" if row[n] != "" else "" for n in names] for row in rows]
-    return markdown(
-        heads, [(f"`{row['run']}`", *line) for row, line in zip(rows, cells, strict=True)], formatted=True
-    )
+    runs: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        runs.setdefault(re.sub(r" seed=\d+$", "", row["run"]), []).append(row)
+    cells = []
+    for name, seeds in runs.items():
+        columns = [[100 * float(row[c]) for row in seeds if row[c] != ""] for c in (*FAILURES, LIKE)]
+        means = [f"{np.mean(column):.1f}" if column else "" for column in columns]
+        held = ", ".join(f"{100 * float(row['held']):.1f}" for row in seeds)
+        cells.append((f"`{name}`", held, *means))
+    return markdown(heads, cells, formatted=True)
