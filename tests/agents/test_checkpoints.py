@@ -26,6 +26,7 @@ from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import SELECTION_SEED, policy_act, run_episodes
 from redundant_envs_train.run_folder import find_checkpoint
 from redundant_envs_train.training import checkpoint
+from redundant_envs_train.training.pool import Stopped
 from redundant_envs_train.training.train import resume, train
 from redundant_envs_train.training.watch import Watch
 
@@ -64,12 +65,22 @@ def test_a_killed_training_goes_on_to_the_same_bits(case, begun, tmp_path):
     assert not find_checkpoint(killed)
 
 
-def test_the_policy_of_the_best_point_is_kept_where_the_run_says_so(tmp_path):
-    config = small_config("best")
-    train(config, tmp_path)
+@pytest.mark.parametrize("points", [4, None])
+def test_the_policy_of_the_best_point_is_kept_also_when_a_training_is_stopped(points, tmp_path, monkeypatch):
+    config, point = small_config("best"), Watch.point
+
+    def stop_after(self):
+        point(self)
+        if len(csv_rows(self.table)) == points:
+            self.stop.set()
+
+    monkeypatch.setattr(Watch, "point", stop_after)
+    with pytest.raises(Stopped) if points else contextlib.nullcontext():
+        train(config, tmp_path)
     returned = [float(row["return"]) for row in csv_rows(tmp_path / "selection.csv")]
     act = policy_act(load_policy(tmp_path, config))
     again = run_episodes(config.env, act, config.curve_episodes, SELECTION_SEED, **config.env_kwargs)
+    assert points in (None, len(returned))
     assert returned[-1] < max(returned) == pytest.approx(again.returns.mean(), abs=1e-4)
 
 
