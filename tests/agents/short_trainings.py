@@ -31,6 +31,10 @@ CASES = {
         "demonstrations": {"episodes": 20, "share": 0.25},
     },
     "best": {"algo": "sac", "sac": REPLAY, "keep": "best", "curve_every": 200},
+    "moved": {
+        "algo": "sac", "sac": REPLAY,
+        "curriculum": {"parameters": {"effort_limits.limits": [10.0, 16.0, 4.0, 8.0]}, "until": 0.5},
+    },
     **{algo: {algo: REPLAY} for algo in ("sac", "plain_sac", "td3", "tqc", "crossq")},
 }  # fmt: skip
 """Settings of short trainings, by algorithm or by what is special."""

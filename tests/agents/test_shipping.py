@@ -72,6 +72,8 @@ def test_files_of_a_shipped_policy_agree_to_1e_6_and_its_card_has_the_published_
     for part in ("## Task", "## How it was trained", "## Results", "## Limits", "## Load it", config.env):
         assert part in body
     assert ("A touch ended" in body) == ("terminate_on_touch" in config.env_kwargs)
+    assert ("best point of the learning curve" in body) == (config.keep == "best")
+    assert ("At first other values held for " in body) == (config.curriculum is not None)
     data, table = yaml.safe_load(head), dict(re.findall(r"^\| ([a-z ]+) \| ([^|]+) \|", body, re.M))
     library = "sb3-contrib" if config.algo in ("tqc", "crossq") else "stable-baselines3"
     assert data["library_name"] == library

@@ -118,7 +118,7 @@ def keys() -> Iterator[tuple[str, Any]]:
     for name, field in Config.model_fields.items():
         if name not in ALGORITHMS:
             yield name, field
-    for group in ("demonstrations", *ALGORITHMS):
+    for group in ("demonstrations", "curriculum", *ALGORITHMS):
         for name, field in model_at(Config, (group,)).model_fields.items():
             yield f"{group}.{name}", field
 

@@ -145,6 +145,16 @@ class Demonstrations(Model):
     share: Real = number(0.5, 0.01, 0.99, "of each sample of the learner")
 
 
+class Curriculum(Model):
+    """Numbers of the environments that begin elsewhere, such as stronger motors, and move in a straight line
+    to their own values."""
+
+    parameters: Annotated[dict[Any, Any], Field(min_length=1)] = value(
+        ..., "their values at the beginning, by the names of env.parameters"
+    )
+    until: Real = number(0.5, 0.01, 1, "share of total_steps after which they have their own values")
+
+
 class TD3Settings(OffPolicySettings):
     """TD3 of stable-baselines3."""
 

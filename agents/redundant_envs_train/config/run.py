@@ -72,6 +72,9 @@ class Config(Model):
     demonstrations: learners.Demonstrations | None = value(
         None, "episodes from which sac or her learns besides its own; null: none"
     )
+    curriculum: learners.Curriculum | None = value(
+        None, "numbers of the environments that begin elsewhere, such as stronger motors; null: none"
+    )
     ppo: learners.PPOSettings | None = value(None, "settings of ppo")
     sac: learners.SACSettings | None = value(None, "settings of sac")
     her: learners.HERSettings | None = value(None, "settings of her")

@@ -23,6 +23,7 @@ from ..learners.build import make_model
 from ..policies import save_policy, start_from
 from ..rollout import info_names
 from . import checkpoint, demonstrations
+from .curriculum import Course
 from .pool import Stopped, stop_request
 from .telemetry import check, logger
 from .watch import OnPoint, Watch
@@ -90,7 +91,9 @@ def _run(
         shown = demonstrations.of(config, run_config.env_kwargs, base)
         model.learn_from(shown.transitions, config.demonstrated)
         run["settings"]["demonstrations"]["sha256"] = shown.sha256
+    course = Course(config, base)
     begun = checkpoint.restore(folder, model, monitor, run) if resumed else {}
+    course.move(model.num_timesteps)
     if shown is not None and not resumed:
         begun = {"seconds": shown.seconds}
     run_folder.set_aside(folder, run_folder.JUDGED)  # they are of the policy at the stop
@@ -105,7 +108,7 @@ def _run(
             table = str(folder / "monitor.csv")
             monitor.results_writer = ResultsWriter(table, header, keywords, override_existing=not resumed)
             model.set_logger(logger(folder, config, model.num_timesteps))
-            watch = Watch(simulated, folder, monitor, bars, stop, begun, run, on_point)
+            watch = Watch(simulated, folder, monitor, bars, stop, begun, run, course, on_point)
         on_policy = isinstance(config.settings, PlainPPOSettings)
         every = LOG_ROLLOUTS if on_policy else LOG_EPISODES * config.num_envs
         try:

@@ -17,6 +17,7 @@ from ..policies import save_policy
 from ..rollout import SELECTION_SEED, policy_act, run_episodes
 from ..run_folder import SELECTION, read_curve
 from . import checkpoint
+from .curriculum import Course
 
 with needs("train"):
     from rich.progress import Progress
@@ -40,12 +41,12 @@ class Watch(BaseCallback):
 
     def __init__(
         self, config: Config, folder: Path, monitor: Any, progress: Progress, stop: Event,
-        begun: dict[str, float], run: dict[str, Any], on_point: OnPoint | None = None,
+        begun: dict[str, float], run: dict[str, Any], course: Course, on_point: OnPoint | None = None,
     ) -> None:  # fmt: skip
         super().__init__()
         self.model: Any  # an algorithm with an average
         self.config, self.folder, self.monitor, self.progress = config, folder, monitor, progress
-        self.stop, self.run, self.on_point = stop, run, on_point
+        self.stop, self.run, self.course, self.on_point = stop, run, course, on_point
         name = f"{config.label} {config.env.split('/')[-1]} seed {config.seed}"
         self.task = progress.add_task(name, total=config.total_steps, note="")
         self.hold = begun.get("hold", math.nan)
@@ -124,6 +125,7 @@ class Watch(BaseCallback):
         if self._ending:
             return False
         self._log_episodes()
+        self.course.move(self.num_timesteps)
         if time.perf_counter() - self._shown >= SHOW_EVERY:
             self._show()
         if self.num_timesteps >= self._next:
