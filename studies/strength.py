@@ -36,6 +36,8 @@ from redundant_envs_train.training.pool import count_of
 ARMS = {"4R": ("redundant_envs/FourRReach-v0", "four_r_reach"),
         "RPRP": ("redundant_envs/RPRPReach-v0", "rprp_reach")}  # fmt: skip
 """For each arm the environment and the scene whose limits have the factor 1."""
+WEAK, WEAK_SCENES = 0.5, {"4R": "four_r_weak", "RPRP": "rprp_weak"}
+"""Up to this factor the presets are those of the weak scenes, which have it."""
 HOLDABLE, EXPERT = "can be held at all", "computed torque"
 LIGHTEST = "computed torque to the lightest pose"
 POSES: dict[str, Callable[..., Any]] = {EXPERT: pose_at, LIGHTEST: lightest_pose}
@@ -193,8 +195,8 @@ def trainings(factors: Sequence[float], seeds: Sequence[int]) -> dict[str, tuple
     chosen = {}
     for arm, (_, scene) in ARMS.items():
         for learner in TRAINED:
-            preset = load(f"{scene}_{learner}").to_dict()
             for factor in factors:
+                preset = load(f"{scene if factor > WEAK else WEAK_SCENES[arm]}_{learner}").to_dict()
                 data = scene_data(scene) if factor == 1.0 else weakened(scene, factor)
                 for seed in seeds:
                     config = {**preset, "seed": seed, "env_kwargs": {"scene": data}}

@@ -93,6 +93,13 @@ def test_the_study_without_training_writes_rows_figure_and_table(tmp_path, monke
     assert [episodes for *_, episodes in asked] == [3, 3]  # of other goals it does not
 
 
+def test_up_to_half_strength_presets_are_those_of_the_weak_scenes():
+    for name, ((arm, factor, _), config) in strength.trainings((0.6, 0.5, 0.4), [0]).items():
+        scene = ARMS[arm][1] if factor > 0.5 else ARMS[arm][1].replace("reach", "weak")
+        own = {"env_kwargs": {"scene": weakened(ARMS[arm][1], factor)}}
+        assert config.to_dict() == load(f"{scene}_{config.algo}").to_dict() | own, name
+
+
 def test_learners_that_are_given_are_not_trained_again(tmp_path, monkeypatch):
     trained = {}
 
