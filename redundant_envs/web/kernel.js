@@ -279,6 +279,7 @@ class ComputedTorque {
   static DAMPING = 1e-4;
   static MARGIN = 0.02; // share of the travel kept free at its ends
   static LARGEST_TURN = 0.3; // rad or m, of one iteration
+  static TURN_SPEED = 0.8; // of the joints along the null space, rad/s and m/s
 
   /* model: a simulator of the same environment, whose state is this controller's to change */
   constructor(model) {
@@ -300,24 +301,26 @@ class ComputedTorque {
     return model.arm();
   }
 
-  /* A pose with the tip at the goal, near a pose: damped Gauss-Newton in the positions of the joints. */
-  _pose(q, goal) {
-    const { map, inverse, travel } = this._motors, n = q.length, model = this._model, at = this._at;
-    const product = ComputedTorque.product, still = new Array(n).fill(0);
-    const ranges = travel.map((names) => {
+  /* Ends of the travel of each joint, with a margin. */
+  _ranges() {
+    return this._motors.travel.map((names) => {
       if (!names) return [-Infinity, Infinity];
-      const [low, high] = names.map((name) => model.get(name)), margin = ComputedTorque.MARGIN * (high - low);
+      const [low, high] = names.map((name) => this._model.get(name)), margin = ComputedTorque.MARGIN * (high - low);
       return [low + margin, high - margin];
     });
+  }
+
+  /* A pose with the tip at the goal, near a pose: damped Gauss-Newton in the positions of the joints. */
+  _pose(q, goal) {
+    const { map, inverse } = this._motors, n = q.length, at = this._at;
+    const product = ComputedTorque.product, still = new Array(n).fill(0);
+    const ranges = this._ranges();
     let phi = product(q, map), best = phi, least = Infinity;
     for (let k = 0; k < ComputedTorque.ITERATIONS; k++) {
       const arm = this._evaluated(product(phi, inverse), still);
       const error = [goal[0] - arm[at.tip_x], goal[1] - arm[at.tip_y]], size = Math.hypot(...error);
       if (size < least) [least, best] = [size, phi];
-      const jacobian = [1, 2].map((row) => {
-        const ofTip = q.map((_, j) => arm[at[`J${row}${j + 1}`]]);
-        return inverse.map((column) => column.reduce((sum, x, j) => sum + x * ofTip[j], 0));
-      });
+      const jacobian = this._jacobian(arm);
       const free = new Array(n).fill(1);
       let step = still;
       for (let pass = 0; pass < 3; pass++) { // joints at the end of their travel are held
@@ -342,18 +345,53 @@ class ComputedTorque {
   /* Plan a motion from coordinates to a goal [m]. */
   begin(q, goal) {
     this._start = q.slice();
+    this._goal = goal;
     this._end = this._pose(q, goal);
-    this._time = 0;
+    this._time = this._turned = this._wanted = 0;
+    this._along = q.map((_, j) => (j ? 0 : 1)); // of the joints: the first one leads
+  }
+
+  /* Turn the arm while its tip stays: the way of the joints along the null space from the planned pose. */
+  turn(way) {
+    this._wanted = way;
+  }
+
+  /* Move the end of the plan along the null space by what a control step allows; its rates. */
+  _turning() {
+    const most = ComputedTorque.TURN_SPEED * this._dt, product = ComputedTorque.product;
+    const change = Math.min(most, Math.max(-most, this._wanted - this._turned)), before = this._end;
+    if (!change) return before.map(() => 0);
+    const [a, b] = this._jacobian(this._evaluated(before, before.map(() => 0)));
+    const dot = (u, v) => u.reduce((sum, x, j) => sum + x * v[j], 0);
+    const aa = dot(a, a), bb = dot(b, b), ab = dot(a, b), along = this._along, u = dot(a, along), v = dot(b, along);
+    const determinant = Math.max(aa * bb - ab * ab, 1e-9);
+    const [x, y] = [(bb * u - ab * v) / determinant, (aa * v - ab * u) / determinant];
+    const free = along.map((value, j) => value - x * a[j] - y * b[j]), size = Math.hypot(...free);
+    if (size > 1e-6) this._along = free.map((value) => value / size);
+    const ranges = this._ranges(), phi = product(before, this._motors.map).map((value, j) => (
+      Math.min(ranges[j][1], Math.max(ranges[j][0], value + change * this._along[j]))));
+    this._end = this._pose(product(phi, this._motors.inverse), this._goal);
+    this._turned += change;
+    return this._end.map((value, i) => (value - before[i]) / this._dt);
+  }
+
+  /* Rows of the Jacobian of the tip by the positions of the joints. */
+  _jacobian(arm) {
+    return [1, 2].map((row) => {
+      const ofTip = this._motors.inverse.map((_, j) => arm[this._at[`J${row}${j + 1}`]]);
+      return this._motors.inverse.map((column) => column.reduce((sum, x, j) => sum + x * ofTip[j], 0));
+    });
   }
 
   /* The action in a state, one control step after the previous one. */
   act(q, qd) {
     const T = ComputedTorque.DURATION, w = ComputedTorque.FREQUENCY, s = Math.min(1, this._time / T);
+    const turning = this._turning();
     this._time += this._dt;
     const acceleration = q.map((x, i) => {
       const distance = this._end[i] - this._start[i];
       const place = this._start[i] + distance * s ** 3 * (10 - 15 * s + 6 * s * s);
-      const rate = (distance * 30 * s * s * (1 - s) ** 2) / T;
+      const rate = (distance * 30 * s * s * (1 - s) ** 2) / T + turning[i];
       return (distance * 60 * s * (1 - 3 * s + 2 * s * s)) / (T * T) + 2 * w * (rate - qd[i]) + w * w * (place - x);
     });
     const arm = this._evaluated(q, qd), at = this._at, { map, inverse, limits, friction } = this._motors;

@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 
+import numpy as np
 import pytest
 
 import redundant_envs as rde
@@ -14,7 +15,7 @@ from redundant_envs.web import page
 
 pytestmark = pytest.mark.long
 
-MAX_BYTES = 250_000
+MAX_BYTES = 400_000
 MIN_HELD = {"torque": 100, "learner": 98}
 READY = "app.seen && app.seen.steps > 2 && app.seen.costs"
 
@@ -156,6 +157,9 @@ def test_all_can_be_done_from_the_keyboard(opened):
 
 def test_every_control_has_a_label_and_fits_a_narrow_screen(opened):
     tab = opened(viewport={"width": 360, "height": 640})
+    for column in tab.locator("#cost th").all():
+        box = column.bounding_box()
+        assert box["x"] + box["width"] <= 360
     unnamed = tab.evaluate("""[...document.querySelectorAll("input, select, button, canvas")].filter(
       (one) => !(one.labels && one.labels.length) && !one.textContent.trim() && !one.ariaLabel).length""")
     assert unnamed == 0
@@ -171,6 +175,72 @@ def test_the_address_restores_a_view(opened):
     tab.evaluate("location.hash = '#arm=RPRP&who=torque&goal=-0.2,0.3'")
     tab.wait_for_function("app.seen.arm === 'RPRP' && app.seen.goal[0] === -0.2")
     assert tab.input_value("#who") == "torque"
+
+
+def test_an_arm_that_was_pushed_away_does_not_hold_its_goal(opened):
+    tab = opened("#arm=FourR&who=torque&goal=0.3,0.4")
+    tab.wait_for_function("said.textContent.includes('computed torque holds it after')")
+    tab.focus("#view")
+    for key in ("Shift", "ArrowRight", "ArrowDown"):
+        tab.keyboard.down(key)
+    tab.wait_for_function("/held it after .* s, and is [1-9]\\d* cm away/.test(said.textContent)")
+    assert "holds it" not in tab.inner_text("#said")
+    for key in ("Shift", "ArrowRight", "ArrowDown"):
+        tab.keyboard.up(key)
+    tab.wait_for_function("said.textContent.includes('computed torque holds it after')")
+
+
+@pytest.mark.parametrize("arm", page.ARMS)
+def test_the_null_space_moves_the_arm_while_its_tip_stays(arm, opened):
+    tab = opened(f"#arm={arm}&who=torque&goal=0.3,0.4")
+    tab.wait_for_function("said.textContent.includes('computed torque holds it after')")
+    away = """() => { const tip = app.seen.points[0].at(-1);
+      window.away = Math.max(window.away ?? 0, Math.hypot(tip[0] - 0.3, tip[1] - 0.4)); return window.away; }"""
+    joints, steps = tab.evaluate("app.seen.points[0].slice(1, -1)"), tab.evaluate("app.seen.steps")
+    tab.fill("#turn", "2")
+    while tab.evaluate("app.seen.steps") < steps + 150:
+        assert tab.evaluate(away) < 0.01
+        tab.wait_for_timeout(20)
+    assert abs(np.array(tab.evaluate("app.seen.points[0].slice(1, -1)")) - joints).max() > 0.05
+    tab.fill("#accuracy", "7")
+    assert tab.input_value("#turn") == "0"  # the plan begins anew where the arm is
+    tab.select_option("#who", "learner")
+    assert not tab.is_visible("#turn")
+
+
+def test_errors_below_rounding_are_told_so(opened):
+    tab = opened("#arm=FourR&who=nobody&accuracy=12")
+    tab.evaluate("app.seen.costs[0].error = 0; app.seen.costs[0].estimate = 2e-13; app.costs()")
+    shown = [cell.inner_text() for cell in tab.locator("#cost tbody td").all()]
+    assert shown[1:] == ["2.0e-13", "below 1e-16"]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_is_read_on_its_background(scheme, opened):
+    tab = opened("#arm=RPRP&who=race", color_scheme=scheme)
+    colors = tab.evaluate("""() => [...document.querySelectorAll("h1, h2, p, th, td, label, button, output, #said div")]
+      .filter((one) => one.offsetParent && one.textContent.trim()).map((one) => {
+        let under = one;
+        while (under.parentElement && getComputedStyle(under).backgroundColor === "rgba(0, 0, 0, 0)") under = under.parentElement;
+        return [getComputedStyle(one).color, getComputedStyle(under).backgroundColor];
+      })""")
+    assert len(colors) > 50
+    assert min(contrast(*pair) for pair in colors) >= 4.5
+    for name in ("learner", "torque", "goal", "push", "joint"):
+        assert contrast(*(tab.evaluate(f"app.colors.{one}") for one in (name, "paper"))) >= 3.0
+
+
+def contrast(*colors):
+    """The ratio of two colours' luminances (WCAG 2.2)."""
+
+    def luminance(color):
+        numbers = re.findall(r"\d+", color) if "rgb" in color else re.findall("[0-9a-f]{2}", color)
+        shares = [int(x, 10 if "rgb" in color else 16) / 255 for x in numbers[:3]]
+        linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in shares]
+        return sum(w * x for w, x in zip((0.2126, 0.7152, 0.0722), linear, strict=True)) + 0.05
+
+    low, high = sorted(map(luminance, colors))
+    return high / low
 
 
 LONG = "1." + "1" * 300_000  # a pattern that goes back takes hours

@@ -24,7 +24,7 @@ function work() {
       const model = new Simulator(arm.about.description, arm.module), controller = new ComputedTorque(model);
       return {
         model, begin: (simulator, lane) => controller.begin(state(simulator, lane)[0], goalOf(simulator)),
-        act: (simulator, lane) => controller.act(...state(simulator, lane)),
+        act: (simulator, lane) => controller.act(...state(simulator, lane)), turn: (way) => controller.turn(way),
       };
     },
     nobody: (arm) => {
@@ -131,7 +131,7 @@ function work() {
     });
     return {
       arm: now.name, kinds: now.kinds, points, goal: goalOf(main), reach: reach(), held: now.held, steps: now.steps,
-      range: range(), dt: description.control_dt, tolerance: main.get("goal_tolerance") * reach(),
+      holding: now.kinds.map((_, lane) => Boolean(main.output("is_success", lane))), range: range(), dt: description.control_dt, tolerance: main.get("goal_tolerance") * reach(),
       costs: now.costs, microseconds, episode: now.episode, order: now.order,
     };
   }
@@ -167,6 +167,10 @@ function work() {
       now.order = order;
       aimed();
       return told();
+    },
+    turn({ way }) {
+      for (const mover of now.movers) mover.turn?.(way);
+      return {};
     },
     advance({ steps, push }) {
       let ended = false;
@@ -263,13 +267,13 @@ async function unpacked(text) {
 
 /* ---- the page ---------------------------------------------------------------------------------------------------- */
 
-const COLORS = { learner: "#0072b2", torque: "#d55e00", nobody: "#5b6570", goal: "#009e73", push: "#b0307a" };
 const NAMES = { learner: "learner", torque: "computed torque", nobody: "nobody", race: "race" };
 const SIGNS = {
   additions: "+ −", products: "×", divisions: "÷", roots: "√", sine_pairs: "sin cos", comparisons: "<", selections: "?:",
   bytes: "bytes",
 };
 const MAX_STEPS = 5, SLOW = 300, SLOW_ANSWER = 100, PAUSE_WHEN_HELD = 50, COSTS_EVERY = 200, WRITE_EVERY = 500;
+const SMALLEST = 1e-16; // m: smaller differences of the tip are below rounding
 const TRIAL_GOALS = 100, TRIAL_SLICE = 5, MAX_FAULTS = 3, FAULTS_WITHIN = 10_000;
 const MOVE = 0.02, KEY_PUSH = 50, PUSH_PER_METRE = 150, ARROW = 330, GRAB = 22, TRAIL = 60, MARGIN = 1.12;
 const DEFAULTS = { arm: "RPRP", who: "race", policy: "SAC", accuracy: "6" };
@@ -283,7 +287,7 @@ const made = (tag, properties, ...children) => {
 const app = {
   data: null, worker: null, seen: null, goal: null, waiting: null, running: true, due: 0, last: null, push: [0, 0],
   drag: null, pressed: new Map(), trail: [], settings: {}, off: new Set(), note: "", episode: 0, order: 0, slow: false,
-  answers: {}, faults: [], costsAt: 0, writing: null, told: "", size: 0, pictures: 0, work: 0,
+  answers: {}, faults: [], costsAt: 0, writing: null, told: "", said: "", colors: {}, size: 0, pictures: 0, work: 0,
 
   send(message) {
     this.worker.postMessage(message);
@@ -333,6 +337,7 @@ const app = {
 
   set() {
     this.order += 1;
+    this.straight();
     this.send({ do: "set", values: this.values(), order: this.order });
     this.clear();
     this.remember();
@@ -342,6 +347,7 @@ const app = {
     this.episode += 1;
     this.order += 1;
     this.trail = [];
+    this.straight();
     this.waiting = performance.now();
     const key = crypto.getRandomValues(new Uint32Array(4)), { name, kinds, episode, order } = this;
     const policy = byId("policy").value;
@@ -361,8 +367,19 @@ const app = {
     const scale = Math.min(outer, Math.max(inner, distance)) / distance;
     this.goal = [x * scale, y * scale];
     this.order += 1;
+    this.straight();
     this.send({ do: "aim", goal: this.goal, order: this.order });
     this.remember(this.goal);
+  },
+
+  /* The movers plan anew: the way along the null space begins at 0. */
+  straight() {
+    byId("turn").value = 0;
+    this.turned();
+  },
+
+  turned() {
+    byId("turn_shown").textContent = byId("turn").ariaValueText = Number(byId("turn").value).toFixed(2);
   },
 
   run(running) {
@@ -469,6 +486,7 @@ const app = {
   /* What depends on the choices. */
   labels() {
     byId("policy_label").hidden = !this.kinds.includes("learner");
+    byId("turning").hidden = !this.kinds.includes("torque");
     const tolerance = `1e-${byId("accuracy").value} m`;
     byId("accuracy_shown").textContent = byId("accuracy").ariaValueText = tolerance;
   },
@@ -476,7 +494,7 @@ const app = {
   /* Results of tests are of the choices they were made with. */
   clear() {
     byId("tried").textContent = byId("checked").textContent = "";
-    byId("cost").tBodies[0].replaceChildren();
+    this.noCosts();
     this.costsAt = 0;
   },
 
@@ -501,24 +519,34 @@ const app = {
 
   costs() {
     const { kinds, costs, microseconds } = this.seen;
-    const time = microseconds === null ? "" : `${microseconds.toFixed(0)} µs${kinds.length > 1 ? " for both" : ""}`;
+    const shown = (error) => (error < SMALLEST ? `below ${SMALLEST}` : error.toExponential(1));
     byId("cost").tBodies[0].replaceChildren(...kinds.map((kind, lane) => made("tr", {},
       made("th", { scope: "row", textContent: NAMES[kind] }),
-      ...[costs[lane].evaluations, lane ? "" : time, costs[lane].estimate.toExponential(1),
-        costs[lane].error.toExponential(1)].map((text) => made("td", { textContent: text })))));
+      ...[costs[lane].evaluations, shown(costs[lane].estimate), shown(costs[lane].error)].map(
+        (text) => made("td", { textContent: text })))));
+    byId("time").textContent = microseconds === null ? ""
+      : `A step takes ${microseconds.toFixed(0)} µs here${kinds.length > 1 ? ", for both" : ""}.`;
     this.costsAt = performance.now();
   },
 
   say() {
-    const { kinds, held, steps, dt } = this.seen, seconds = (n) => `${(n * dt).toFixed(2)} s`;
-    const movers = kinds.filter((kind) => kind !== "nobody").map((kind) => {
-      const when = held[kinds.indexOf(kind)];
-      return `${NAMES[kind]} ${when === null ? `does not hold it yet (${seconds(steps)})` : `holds it after ${seconds(when)}`}`;
-    });
+    const { kinds, points, held, holding, steps, dt } = this.seen, seconds = (n) => `${(n * dt).toFixed(2)} s`;
+    const state = (lane) => {
+      if (held[lane] === null) return `does not hold it yet (${seconds(steps)})`;
+      if (holding[lane]) return `holds it after ${seconds(held[lane])}`;
+      const away = Math.hypot(...points[lane].at(-1).map((x, k) => x - this.goal[k]));
+      return `held it after ${seconds(held[lane])}, and is ${(100 * away).toFixed(0)} cm away`;
+    };
+    const movers = kinds.map((kind, lane) => [kind, `${NAMES[kind]} ${state(lane)}`]).filter(([kind]) => kind !== "nobody");
     const slow = this.waiting !== null && performance.now() - this.waiting > SLOW;
-    const parts = [`Goal ${this.goal.map((x) => x.toFixed(2)).join(", ")} m`, ...movers].join("; ");
-    byId("said").textContent = slow ? "A hard step: still computing ..." : `${parts}. ${this.note}`;
-    const news = movers.filter((text) => text.includes("holds it")).join("; ");
+    const lines = slow ? [["", "A hard step: still computing ..."]]
+      : [["", `Goal ${this.goal.map((x) => x.toFixed(2)).join(", ")} m. ${this.note}`], ...movers];
+    if (String(lines) !== this.said) {
+      this.said = String(lines);
+      byId("said").replaceChildren(...lines.map(([kind, text]) => made("div", {},
+        ...(kind ? [made("span", { className: `swatch ${kind}` })] : []), text)));
+    }
+    const news = movers.map(([, text]) => text).filter((text) => text.includes("holds it")).join("; ");
     if (news !== this.told) this.told = byId("news").textContent = news; // for screen readers, once
   },
 
@@ -544,9 +572,17 @@ const app = {
     view.getContext("2d").setTransform(fine, 0, 0, fine, 0, 0);
   },
 
+  /* Colours of the style, which has a light and a dark scheme. */
+  theme() {
+    const style = getComputedStyle(document.documentElement);
+    for (const name of ["learner", "torque", "nobody", "goal", "push", "paper", "rim", "joint"]) {
+      this.colors[name] = style.getPropertyValue(`--${name}`).trim();
+    }
+  },
+
   draw() {
     this.fit();
-    const { kinds, points, reach, tolerance } = this.seen, { size, scale, goal } = this;
+    const { kinds, points, reach, tolerance } = this.seen, { size, scale, goal, colors } = this;
     const pen = byId("view").getContext("2d"), travel = this.data.arms[this.seen.arm].description.motors.travel;
     const circle = (at, radius, fill) => {
       pen.beginPath();
@@ -559,58 +595,44 @@ const app = {
       pen.lineTo(...this.place(to));
       pen.stroke();
     };
-    const write = (text, x, y) => {
-      const width = pen.measureText(text).width;
-      Object.assign(pen, { strokeStyle: "#ffffff", lineWidth: 4 });
-      const at = [Math.max(4, Math.min(x, size - width - 8)), Math.max(18, Math.min(y, size - 8))];
-      pen.strokeText(text, ...at);
-      pen.fillText(text, ...at);
-    };
     Object.assign(pen, {
-      fillStyle: "#ffffff", lineCap: "round", lineJoin: "round", lineWidth: 1.5, strokeStyle: "#d8dce0",
+      fillStyle: colors.paper, lineCap: "round", lineJoin: "round", lineWidth: 1.5, strokeStyle: colors.rim,
       font: "600 15px system-ui, sans-serif",
     });
     pen.fillRect(0, 0, size, size);
     circle([0, 0], reach * scale);
-    Object.assign(pen, { fillStyle: COLORS.goal, strokeStyle: COLORS.goal, lineWidth: 3 });
+    Object.assign(pen, { fillStyle: colors.goal, strokeStyle: colors.goal, lineWidth: 3 });
     circle(goal, Math.max(5, tolerance * scale), true);
     circle(goal, 13);
     pen.lineWidth = 2;
     this.trail.forEach((tips, k) => tips.forEach((tip, lane) => {
       if (!k || !this.trail[k - 1][lane]) return;
-      Object.assign(pen, { strokeStyle: COLORS[kinds[lane]], globalAlpha: (0.4 * k) / TRAIL });
+      Object.assign(pen, { strokeStyle: colors[kinds[lane]], globalAlpha: (0.4 * k) / TRAIL });
       line(this.trail[k - 1][lane], tip);
     }));
     pen.globalAlpha = 1;
     for (let lane = kinds.length - 1; lane >= 0; lane--) {
       const places = points[lane];
       for (let k = 0; k + 1 < places.length; k++) {
-        Object.assign(pen, { strokeStyle: COLORS[kinds[lane]], lineWidth: travel[k] ? 6 : 13 - 2 * k });
+        Object.assign(pen, { strokeStyle: colors[kinds[lane]], lineWidth: travel[k] ? 6 : 13 - 2 * k });
         line(places[k], places[k + 1]);
         if (lane) { // of two arms the second has a light line inside, for those who see no colours
-          Object.assign(pen, { strokeStyle: "#ffffff", lineWidth: 2 });
+          Object.assign(pen, { strokeStyle: colors.paper, lineWidth: 2 });
           line(places[k], places[k + 1]);
         }
       }
-      pen.fillStyle = "#1d2329";
+      pen.fillStyle = colors.joint;
       places.forEach((place) => circle(place, 4, true));
       if (this.push[0] || this.push[1]) {
         const tip = places.at(-1), end = tip.map((x, k) => x + this.push[k] / ARROW); // N per metre of the arrow
-        Object.assign(pen, { strokeStyle: COLORS.push, fillStyle: COLORS.push, lineWidth: 4 });
+        Object.assign(pen, { strokeStyle: colors.push, fillStyle: colors.push, lineWidth: 4 });
         line(tip, end);
         circle(end, 5, true);
       }
     }
-    if (kinds.length > 1) {
-      kinds.forEach((kind, lane) => {
-        const [x, y] = this.place(points[lane].at(-1));
-        pen.fillStyle = COLORS[kind];
-        write(NAMES[kind], x + 14, y - 10 + 22 * lane);
-      });
-    }
     if (this.push[0] || this.push[1]) {
-      pen.fillStyle = COLORS.push;
-      write(`push ${Math.hypot(...this.push).toFixed(0)} N`, 12, size - 14);
+      pen.fillStyle = colors.push;
+      pen.fillText(`push ${Math.hypot(...this.push).toFixed(0)} N`, 12, size - 14); // a corner that no arm reaches
     }
   },
 
@@ -660,12 +682,17 @@ const app = {
   },
 
   clearCosts() {
-    if (!this.seen.costs) byId("cost").tBodies[0].replaceChildren();
+    if (!this.seen.costs) this.noCosts();
     this.costsAt = 0;
   },
 
+  noCosts() {
+    byId("cost").tBodies[0].replaceChildren();
+    byId("time").textContent = "";
+  },
+
   /* After steps: faults, and the next goal. */
-  judge({ faults, ended, held, steps, kinds }) {
+  judge({ faults, ended, held, holding, steps, kinds }) {
     const named = Object.entries(this.data.faults)
       .filter(([bit]) => faults.some((fault) => fault & bit)).map(([, text]) => text);
     if (named.length) this.trouble(`numerics: ${named.join("; ")}.${ended ? " A new episode begins." : ""}`);
@@ -681,7 +708,7 @@ const app = {
       }
       return;
     }
-    const done = held.every((when) => when !== null && steps > when + PAUSE_WHEN_HELD);
+    const done = holding.every(Boolean) && held.every((when) => when !== null && steps > when + PAUSE_WHEN_HELD);
     if (done && byId("next").checked && !this.drag && !kinds.includes("nobody")) this.fresh();
   },
 
@@ -744,6 +771,12 @@ const app = {
       this.labels();
       this.set();
     });
+    byId("turn").addEventListener("input", () => {
+      byId("next").checked = false; // the next goal would end it
+      this.turned();
+      this.send({ do: "turn", way: Number(byId("turn").value) });
+    });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.theme());
     byId("arm").addEventListener("change", () => {
       this.controls();
       this.labels();
@@ -823,6 +856,7 @@ const app = {
     this.worker.onerror = (event) => this.trouble(`The simulator cannot start: ${event.message}`);
     for (const [name, { code, ...about }] of arms) this.send({ do: "load", name, about, code });
     this.fill("arm", arms.map(([name]) => [name, name === "FourR" ? "4R" : name]));
+    this.theme();
     this.listen();
     this.restore();
     if (matchMedia("(prefers-reduced-motion: reduce)").matches) this.run(false);
@@ -830,4 +864,5 @@ const app = {
   },
 };
 
+document.body.classList.toggle("embedded", location.search === "?embedded"); // the picture alone
 app.start();
