@@ -61,6 +61,23 @@ CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
 """End of a figure's name -> table of runs."""
 SCENES = ("worn_joints", "heavy_payload", "slow_motors", "cheap_sensors", "shop_floor", "everything")
 """Scenes of docs/example_scenes.md."""
+BILLED = (
+    "four_r_free",
+    "four_r_reach",
+    "heavy_payload",
+    "rprp_reach",
+    "cheap_sensors",
+    "worn_joints",
+    "everything",
+)
+"""Scenes of the picture of bills."""
+BILL_COLOURS = {"arm and integrator": "#0072B2", "effects": "#D55E00", "task and interval": "#999999"}
+ROOMS = {
+    "functions\non numbers": "language/", "a scene": "robots/ effects/\ntasks/ scenes/",
+    "what a lane\ndoes": "simulator/", "graphs and\nkernels": "compiler/",
+    "what users call": "model/ control/\nenvs/ verify/\nweb/ exports/",
+}  # fmt: skip
+"""What the package is made of, in order, and the folders of it."""
 IDEAL = {"FourR": "four_r_reach", "RPRP": "rprp_reach"}
 """Arm -> the scene of the same arm without what wears it down."""
 STARTS = {"FourR": (-1.2, -0.4, 0.2, 0.6), "RPRP": (-1.2, 0.08, -0.4, 0.1)}
@@ -198,6 +215,45 @@ def scene_picture(name: str) -> Any:
     return made
 
 
+def bill_picture() -> Any:
+    """Operations of one step of scenes, by what needs them."""
+    made = new_figure(7.0, 3.2)
+    panel, at = made.subplots(), range(len(BILLED))
+    scenes = [rde.load_scene(name) for name in BILLED]
+    shares = []
+    for scene in scenes:
+        counts = {owner: sum(one[:-1]) for owner, one in rde.bill(scene).items()}  # the last one: bytes
+        effects = sum(counts[effect.key] for effect in scene.effects)
+        arm = counts["arm"] + counts["integrator"]
+        shares.append((arm, effects, sum(counts.values()) - arm - effects))
+    left = np.zeros(len(BILLED))
+    for share, (label, colour) in zip(np.transpose(shares), BILL_COLOURS.items(), strict=True):
+        panel.barh(at, share / 1000.0, left=left, color=colour, label=label)
+        left += share / 1000.0
+    names = [f"{name}, {scene.robot.kind}" for name, scene in zip(BILLED, scenes, strict=True)]
+    panel.set_yticks(at, names)
+    panel.invert_yaxis()
+    panel.set(xlabel="operations of one rk8 step, thousands", title="A scene pays only for what it names")
+    panel.legend(frameon=False)
+    bare(panel)
+    return made
+
+
+def rooms_picture() -> Any:
+    """The folders of the package, and what each gives to the next."""
+    made = new_figure(9.0, 1.9)
+    panel = made.subplots()
+    panel.set(xlim=(-0.55, 4.55), ylim=(-0.6, 0.6))
+    panel.axis("off")
+    for k, (what, folders) in enumerate(ROOMS.items()):
+        box = {"boxstyle": "round,pad=0.6", "facecolor": "#e8f1f8", "edgecolor": "#0072B2"}
+        panel.text(k, 0.0, f"{what}\n\n{folders}", ha="center", va="center", fontsize=9, bbox=box)
+        if k:
+            arrow = {"arrowstyle": "-|>", "color": "0.3"}
+            panel.annotate("", (k - 0.4, 0.0), (k - 0.6, 0.0), arrowprops=arrow)
+    return made
+
+
 def brief_table(places: Iterable[str | Path], expert: bool = True) -> str:
     """Hold success and training time of runs as one small Markdown table, without or with their experts'."""
     shown = {head: name for head, name in BRIEF.items() if expert or head != "expert"}
@@ -237,6 +293,8 @@ if __name__ == "__main__":
     rows = list(csv.DictReader((RESULTS / "redundancy.csv").open(encoding="utf-8", newline="")))
     bought = redundancy.figure(rows, redundancy.learned([RESULTS / "redundancy_runs.jsonl"]))
     save_figure(bought, FIGURES / "redundancy.png")
+    save_figure(rooms_picture(), FIGURES / "rooms.svg")
+    save_figure(bill_picture(), FIGURES / "bill.png")
     for name in SCENES:
         save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
     arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach", "two_r_reach")]

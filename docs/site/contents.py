@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 SECTIONS = {
-    "Start": ["Install, and ten lines that run <self>"],
+    "Start": ["Install, and ten lines that run <install>"],
     "Tutorials": [
         "notebooks/equations_to_environment", "notebooks/accuracy_and_chaos", "notebooks/redundancy",
         "notebooks/learn_and_race", "tutorials/third_arm", "tutorials/moving_target", "tutorials/obstacle",
@@ -15,7 +15,7 @@ SECTIONS = {
         "handed_to_me", "datasets", "gradients", "models", "control", "browser", "other_programs", "trouble",
     ],
     "Reference": [
-        "environments/*", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
+        "environments/index", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
         "reference/api", "reference/report", "command_line", "configuration", "how_it_works", "design",
         "errata", "changelog", "contributing",
     ],
@@ -25,20 +25,15 @@ SECTIONS = {
     ],
 }  # fmt: skip
 """Sections of the site, and their pages in order."""
-BELOW = {"effects/README": "effects/*", "scenes/index": "scenes/*"}
+BELOW = {"environments/index": "environments/*", "effects/README": "effects/*", "scenes/index": "scenes/*"}
 """Pages with further ones below them."""
-DOOR = """
-<p><a href="page/index.html"><b>See the arms move in this browser</b></a></p>
-"""
-"""On the first page, a link to the page of the arms."""
 
 
 def written(site: Path) -> None:
     """Add the tables of contents to the first page, and to those with others below them."""
     tables = [_table(_found(site, pages), caption) for caption, pages in SECTIONS.items()]
     index = site / "index.md"
-    title, _, rest = index.read_text(encoding="utf-8").partition("\n")
-    index.write_text("\n".join([title, DOOR, rest, *tables]), encoding="utf-8")
+    index.write_text("\n".join([index.read_text(encoding="utf-8"), *tables]), encoding="utf-8")
     for name, pattern in BELOW.items():
         file = site / f"{name}.md"
         own = name.rpartition("/")[2]

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from pathlib import Path
 
+import api
 import gymnasium as gym
 import imageio.v3 as imageio
 import numpy as np
@@ -17,7 +18,7 @@ import printed
 from sources import DOCS, ROOT
 
 import redundant_envs as rde
-from redundant_envs import control
+from redundant_envs.effects.hooks import snake_case
 from redundant_envs.envs.named import page as page_of
 from redundant_envs.envs.registration import IDS, id_of, scene_of
 from redundant_envs.envs.rendering import stated_limits
@@ -71,7 +72,7 @@ def pages(each: Callable[..., Iterable[str]] = map) -> dict[str, str]:
     """The pages of their own, by their places in the site."""
     return {
         **environments(), **tasks(), **scenes(each), "reference/integrators.md": integrators(),
-        "reference/api.md": api(), "reference/report.md": printed.page(), "gallery.md": gallery(),
+        **api.pages(), "reference/report.md": printed.page(), "gallery.md": gallery(),
     }  # fmt: skip
 
 
@@ -121,7 +122,25 @@ observation, reward, terminated, truncated, info = env.step(env.action_space.sam
 
 ## Description{rest}
 """
+    made["environments/index.md"] = index_of_environments()
     return made
+
+
+def index_of_environments() -> str:
+    """A table of the tasks, with the ids of each arm."""
+    arms = list(dict.fromkeys(IDS[env_id].arm for env_id in OWN_IDS))
+    rows = [
+        (f"[{task.name}](../tasks/{task.__name__}.md)", f"The arm {task.summary}.",
+         *(f"[{name}]({name}.md)" for name in (id_of(arm, task.name).partition("/")[2] for arm in arms)))
+        for task in TASKS
+    ]  # fmt: skip
+    return f"""# Environments
+
+{markdown(("task", "", *arms), rows, formatted=True)}
+
+`Goal` marks those for hindsight replay. `gym.make("redundant_envs/" + id)` makes one,
+`gym.make_vec("redundant_envs/" + id, num_envs=512)` a vector of them.
+"""
 
 
 def played(env_id: str) -> np.ndarray:
@@ -191,8 +210,8 @@ The sum of these terms in every step:
 
 
 def page_name(effect: rde.effects.Effect) -> str:
-    """The page of an effect: its key, without the part that tells several of a scene apart."""
-    return effect.key.partition(".")[0]
+    """The page of an effect."""
+    return snake_case(type(effect).__name__)
 
 
 LINKS = re.compile(r"(?:^\[`\w+`\]\(\w+\.md\).*\n)+", re.M)
@@ -231,11 +250,23 @@ def study() -> Study:
 def bill_of_effect(name: str) -> tuple[str, str]:
     """The page of an effect of the study, and what the effect adds to a step."""
     entry = study().entries[name]
-    counts = rde.bill(entry.pair.scene)[entry.effect.key]
+    bill = rde.bill(entry.pair.scene)
+    counts = bill[entry.effect.key]
+    others, own = operations(bill["arm"], bill["integrator"]), operations(counts)
+    bar = (
+        f'<div class="bill"><span style="flex-grow: {others}"></span><span class="effect" '
+        f'style="flex-grow: {own}"></span></div>\n\n{others} operations of the arm and its integrator, '
+        f"{own} of {type(entry.effect).__name__}."
+    )
     return page_name(entry.effect), (
         f"What `{entry.effect}` adds to one step of the arm {entry.arm.robot.kind}, stages as often as they "
-        f"are evaluated:\n\n{markdown(HEADS, [counts])}"
+        f"are evaluated:\n\n{bar}\n\n{markdown(HEADS, [counts])}"
     )
+
+
+def operations(*bills: Operations) -> int:
+    """The number of all operations."""
+    return sum(sum(bill[:-1]) for bill in bills)  # the last one: bytes
 
 
 ABOUT = {
@@ -256,7 +287,7 @@ def integrators() -> str:
 
 A scene names one of these explicit Runge-Kutta methods, `integrator: rk8`. With a `tolerance`, steps are
 chosen by the estimated error, which takes a method that estimates it. [Accuracy](../accuracy.md) measures
-what they cost and how exact they are. A method of your own is a [`Tableau`](api.md), registered by
+what they cost and how exact they are. A method of your own is a [`Tableau`](api/extend.md), registered by
 `rde.register_integrator` ([how](../extending.md))."""
     ]
     rows = [(f"[`{n}`](#{n})", m.order, m.stages, "yes" if m.error5 else "no") for n, m in METHODS.items()]
@@ -312,35 +343,25 @@ Operations of one step, stages as often as they are evaluated, and bytes of memo
     return made
 
 
-def api() -> str:
-    """What the package exports, from docstrings."""
-    parts = ["# API\n\nWhat `import redundant_envs as rde` has.\n\n```{eval-rst}"]
-    for name in rde.__all__:
-        value = getattr(rde, name)
-        if inspect.ismodule(value):
-            continue
-        if inspect.isclass(value):
-            parts.append(f".. autoclass:: redundant_envs.{name}\n   :members:\n")
-        else:
-            parts.append(f".. autofunction:: redundant_envs.{name}\n")
-    parts.append("```\n\n## Effects, and the hooks by which they attach\n\n```{eval-rst}")
-    parts += [f".. autoclass:: redundant_envs.effects.{name}\n" for name in rde.effects.__all__]
-    parts.append("```\n\n## Controllers\n\nWhat `redundant_envs.control` has.\n\n```{eval-rst}")
-    for name in control.__all__:
-        kind = "class" if inspect.isclass(getattr(control, name)) else "function"
-        parts.append(f".. auto{kind}:: redundant_envs.control.{name}\n")
-    return "\n".join([*parts, "```"])
+IMAGE = re.compile(r"!\[([^]]*)\]\(([^)]+)\)")
 
 
 def gallery() -> str:
-    """Figures of docs/ with the commands that make them."""
-    made: dict[str, list[Path]] = {command: [] for command in COMMANDS.values()}
-    for path in sorted(DOCS.rglob("*")):
-        if path.suffix in (".png", ".gif") or path.name == "arms.svg":
-            where = path.relative_to(DOCS)
-            made[next(c for start, c in COMMANDS.items() if where.as_posix().startswith(start))].append(where)
-    parts = ["# Gallery", "The figures of this manual, and the commands that make them."]
-    for command, paths in made.items():
-        parts.append(f"## `{command}`")
-        parts += [f"![{path.stem.replace('_', ' ')}]({path.as_posix()})" for path in paths]
+    """Figures by the page of docs/ that shows them first, with captions, and the commands that make them."""
+    parts, shown = ["# Gallery"], set()
+    for page in [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]:
+        text = page.read_text(encoding="utf-8")
+        found = [(page.parent / place, caption) for caption, place in IMAGE.findall(text)]
+        new = {path.resolve(): caption for path, caption in found if path.resolve() not in shown}
+        if not new:
+            continue
+        shown |= new.keys()
+        name = "install" if page.name == "README.md" else page.stem
+        title = text.partition("\n")[0].removeprefix("# ")
+        parts.append(f"## [{title}]({name}.md)")
+        for path, caption in new.items():
+            where = path.relative_to(DOCS).as_posix()
+            command = next(c for start, c in COMMANDS.items() if where.startswith(start))
+            words = caption or path.stem.replace("_", " ")
+            parts += [f"![{words}]({where})", f"{words}. <small>`{command}`</small>"]
     return "\n\n".join(parts)

@@ -9,8 +9,11 @@ from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
-"""Pages beside docs/, and where they are in the site."""
+PAGES = {
+    "docs/site/start.md": "index.md", "README.md": "install.md", "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+}  # fmt: skip
+"""Pages that are not at their place in docs/, and where they are in the site."""
 TREE = "source"
 """Folder of the site with copies of files of the source tree, which pages link."""
 LISTED = 200
@@ -44,10 +47,7 @@ def _linked(page: Path, place: PurePosixPath | Path, site: Path) -> str:
 
     parts = FENCED.split(page.read_text(encoding="utf-8"))
     for k, part in enumerate(parts):
-        if part.startswith("```mermaid"):
-            # Drawn by a program that the site does not have.
-            parts[k] = part.replace("```mermaid", "```text", 1)
-        elif not part.startswith("```"):
+        if not part.startswith("```"):
             parts[k] = HTML_LINK.sub(link, MARKDOWN_LINK.sub(link, part))
     return "".join(parts)
 
@@ -65,7 +65,7 @@ def _target(page: Path, place: PurePosixPath, target: str, site: Path) -> str:
         if file.is_dir():
             has_page = (file / "README.md").exists()
             there = there / "README.md" if has_page else PurePosixPath(TREE, "docs", there)
-    elif file.name in PAGES and file.parent == ROOT:
+    elif file.parent == ROOT and file.name in PAGES:
         there = PurePosixPath(PAGES[file.name])
     else:
         there = PurePosixPath(TREE, file.relative_to(ROOT).as_posix())

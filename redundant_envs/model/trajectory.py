@@ -117,8 +117,8 @@ def simulate(
         State at t = 0.
     times : (T,) array
         Increasing, not negative, s; hit exactly. Asking for more times does not change the motion.
-    efforts : None, (joints,) array, or callable(t, q, qd)
-        Joint efforts, N m and N; a callable is called once per control instant.
+    efforts : None, (joints,) array, or callable
+        Joint efforts, N m and N; a callable of (t, q, qd) is called once per control instant.
     seed : int
         Of the draws of effects, as :class:`BatchSimulator` takes it; each motion has draws of its own.
 

@@ -8,6 +8,8 @@ import pytest
 from markdown import ROOT
 
 import redundant_envs as rde
+import redundant_envs.control
+import redundant_envs.verify
 from redundant_envs.scenes.scene import scene_names
 from redundant_envs.scenes.tableaus import METHODS
 
@@ -26,9 +28,9 @@ def test_pages_from_the_code_have_every_scene_and_name_and_their_blocks_run(monk
     assert {f"environments/{env_id.partition('/')[2]}.md" for env_id in reference.OWN_IDS} <= pages.keys()
     assert {f"scenes/{name}.md" for name in scene_names()} <= pages.keys()
     assert all(f"\n## {name}\n" in pages["reference/integrators.md"] for name in METHODS)
-    api = pages["reference/api.md"]
-    assert all(f"redundant_envs.{name}\n" in api for name in rde.__all__ if name != "effects")
-    assert all(f"redundant_envs.effects.{name}\n" in api for name in rde.effects.__all__)
+    api = "".join(text for name, text in pages.items() if name.startswith("reference/api"))
+    for name in {*rde.__all__, *rde.effects.__all__, *rde.control.__all__, *rde.verify.__all__} - {"effects"}:
+        assert f"| [`{name}`](" in api
     for name, text in pages.items():
         for block in re.findall(r"^```python\n(.*?)^```", text, re.S | re.M):
             exec(compile(block, name, "exec"), {"__name__": "__main__"})

@@ -194,8 +194,7 @@ def test_an_arm_that_was_pushed_away_does_not_hold_its_goal(opened):
 def test_the_null_space_moves_the_arm_while_its_tip_stays(arm, opened):
     tab = opened(f"#arm={arm}&who=torque&goal=0.3,0.4")
     tab.wait_for_function("said.textContent.includes('computed torque holds it after')")
-    away = """() => { const tip = app.seen.points[0].at(-1);
-      window.away = Math.max(window.away ?? 0, Math.hypot(tip[0] - 0.3, tip[1] - 0.4)); return window.away; }"""
+    away = "Math.hypot(app.seen.points[0].at(-1)[0] - 0.3, app.seen.points[0].at(-1)[1] - 0.4)"
     joints, steps = tab.evaluate("app.seen.points[0].slice(1, -1)"), tab.evaluate("app.seen.steps")
     tab.fill("#turn", "2")
     while tab.evaluate("app.seen.steps") < steps + 150:
@@ -218,12 +217,14 @@ def test_errors_below_rounding_are_told_so(opened):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_is_read_on_its_background(scheme, opened):
     tab = opened("#arm=RPRP&who=race", color_scheme=scheme)
-    colors = tab.evaluate("""() => [...document.querySelectorAll("h1, h2, p, th, td, label, button, output, #said div")]
-      .filter((one) => one.offsetParent && one.textContent.trim()).map((one) => {
-        let under = one;
-        while (under.parentElement && getComputedStyle(under).backgroundColor === "rgba(0, 0, 0, 0)") under = under.parentElement;
-        return [getComputedStyle(one).color, getComputedStyle(under).backgroundColor];
-      })""")
+    colors = tab.evaluate("""() => {
+      const texts = [...document.querySelectorAll("h1, h2, p, th, td, label, button, output, #said div")];
+      const fill = (one) => getComputedStyle(one).backgroundColor;
+      const clear = (one) => one.parentElement && fill(one) === "rgba(0, 0, 0, 0)";
+      const under = (one) => clear(one) ? under(one.parentElement) : one;
+      return texts.filter((one) => one.offsetParent && one.textContent.trim()).map(
+        (one) => [getComputedStyle(one).color, fill(under(one))]);
+    }""")
     assert len(colors) > 50
     assert min(contrast(*pair) for pair in colors) >= 4.5
     for name in ("learner", "torque", "goal", "push", "joint"):
