@@ -12,6 +12,7 @@ release = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_design"]
 exclude_patterns = ["source/**/*.rst"]
 html_theme = "furo"
+html_show_copyright = False
 html_favicon = "icon.svg"
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
