@@ -35,6 +35,7 @@ from redundant_envs_train.rollout import expert_act, policy_act, run_episodes, s
 from redundant_envs_train.run_folder import own_config
 from studies import redundancy
 from studies.__main__ import main
+from studies.poses import poses_table
 from studies.strength import figure, read_rows
 
 BRIEF = {
@@ -72,6 +73,9 @@ BILLED = (
 )
 """Scenes of the picture of bills."""
 BILL_COLOURS = {"arm and integrator": "#0072B2", "effects": "#D55E00", "task and interval": "#999999"}
+TRIED = (
+    "[What redundancy buys](../redundancy.md#what-was-tried-and-what-is-learned) says what the columns mean."
+)
 ROOMS = {
     "functions\non numbers": "language/", "a scene": "robots/ effects/\ntasks/ scenes/",
     "what a lane\ndoes": "simulator/", "graphs and\nkernels": "compiler/",
@@ -274,6 +278,12 @@ def results(readme: Path) -> None:
     readme.write_text(marked.sub(rf"\g<1>{table}\n\g<2>", text), encoding="utf-8")
 
 
+def tried_page() -> str:
+    """The table of what was tried, as a page of its own."""
+    rows = csv.DictReader((RESULTS / "tried.csv").open(encoding="utf-8", newline=""))
+    return f"# What was tried\n\n{TRIED}\n\n{poses_table(list(rows))}\n"
+
+
 def side_by_side(pictures: list[str]) -> str:
     """Drawings of arms in one."""
     placed = [p.replace("<svg ", f'<svg x="{k * drawn.WIDTH:g}" ', 1) for k, p in enumerate(pictures)]
@@ -293,6 +303,7 @@ if __name__ == "__main__":
     rows = list(csv.DictReader((RESULTS / "redundancy.csv").open(encoding="utf-8", newline="")))
     bought = redundancy.figure(rows, redundancy.learned([RESULTS / "redundancy_runs.jsonl"]))
     save_figure(bought, FIGURES / "redundancy.png")
+    write_text(RESULTS / "tried.md", tried_page())
     save_figure(rooms_picture(), FIGURES / "rooms.svg")
     save_figure(bill_picture(), FIGURES / "bill.png")
     for name in SCENES:

@@ -20,7 +20,7 @@ SECTIONS = {
         "errata", "changelog", "contributing",
     ],
     "Results": [
-        "accuracy", "results/accuracy/accuracy", "speed", "redundancy", "strength",
+        "accuracy", "results/accuracy/accuracy", "speed", "redundancy", "results/tried", "strength",
         "results/policy/report", "hard_cases", "energy", "fuzzing", "mutation", "gallery",
     ],
 }  # fmt: skip

@@ -101,7 +101,7 @@ def test_the_table_of_experts_is_what_the_study_wrote():
 
 
 def test_the_table_of_what_was_tried_is_what_the_study_of_poses_wrote():
-    assert poses_table(rows(RESULTS / "tried.csv")) in page("redundancy")
+    assert poses_table(rows(RESULTS / "tried.csv")) in page("results/tried")
 
 
 def test_the_table_of_modes_is_what_the_study_wrote():

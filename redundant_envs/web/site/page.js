@@ -519,11 +519,12 @@ const app = {
 
   costs() {
     const { kinds, costs, microseconds } = this.seen;
-    const shown = (error) => (error < SMALLEST ? `below ${SMALLEST}` : error.toExponential(1));
+    const number = (text) => made("span", { className: "number", textContent: text });
+    const shown = (error) => (error < SMALLEST ? ["below ", number(SMALLEST)] : [number(error.toExponential(1))]);
     byId("cost").tBodies[0].replaceChildren(...kinds.map((kind, lane) => made("tr", {},
       made("th", { scope: "row", textContent: NAMES[kind] }),
-      ...[costs[lane].evaluations, shown(costs[lane].estimate), shown(costs[lane].error)].map(
-        (text) => made("td", { textContent: text })))));
+      ...[[costs[lane].evaluations], shown(costs[lane].estimate), shown(costs[lane].error)].map(
+        (parts) => made("td", {}, ...parts)))));
     byId("time").textContent = microseconds === null ? ""
       : `A step takes ${microseconds.toFixed(0)} µs here${kinds.length > 1 ? ", for both" : ""}.`;
     this.costsAt = performance.now();
