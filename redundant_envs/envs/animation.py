@@ -102,7 +102,7 @@ class Animation:
         canvas.disc((0.0, 0.0), 8.0, palette.JOINT)
         canvas.disc((0.0, 0.0), 4.0, palette.BACKGROUND)
         if self._limits.all() and self._limits.size:
-            canvas.bars((self._efforts[row] / self._limits).tolist())
+            canvas.bars((self._efforts[row] / self._limits).tolist(), arm.joints)
         canvas.text(f"time {self._t[row]:.2f} s", MARGIN, MARGIN, palette.INK)
         return canvas.pixels
 

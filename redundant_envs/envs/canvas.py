@@ -21,6 +21,7 @@ SIZE = 480  # of a picture, px; sizes of letters and lines are for this one, and
 MARGIN = 16  # distance of texts from the border of the picture, px
 LETTERS, SMALL_LETTERS = 13.0, 9.0  # heights of digits, px
 BAR_WIDTH, BAR_HEIGHT, BAR_GAP = 96, 9, 6
+LONGEST_NAME = 12  # letters of a bar's name
 BARS = "effort / limit"  # heading of the bars: each motor's effort as a fraction of its limit, from -1 to 1
 FARTHEST = 1e4  # px: what ends farther away is not drawn, so that numbers may be of any size
 MIN_LETTERS = 5.0  # px: lower ones cannot be read, and are left out
@@ -164,12 +165,16 @@ class Canvas:
         patch = self.pixels[y0 : top + rows, x0 : left + columns]
         mix(patch, weight[y0 - top :, x0 - left :][: patch.shape[0], : patch.shape[1]], color)
 
-    def bars(self, values: Sequence[float]) -> None:
-        """Values in [-1, 1] as horizontal bars in the lower left corner, numbered from 1, with a heading."""
+    def bars(self, values: Sequence[float], names: Sequence[str]) -> None:
+        """Values in [-1, 1] as horizontal bars in the lower left corner, with names and a heading. A long
+        name, or one with a letter that has no glyph, is a number, from 1."""
+        short = (name if len(name) <= LONGEST_NAME and GLYPHS.keys() >= {*name} else "" for name in names)
+        names = [name or str(k + 1) for k, name in enumerate(short)]
         pitch, unit = BAR_HEIGHT + BAR_GAP, self.unit
         top = -MARGIN - len(values) * pitch  # from the bottom
         self.text(BARS, MARGIN - 2, top - 18, palette.INK, SMALL_LETTERS)
-        left = MARGIN + (14 if len(values) < 10 else 22)
+        widest = max((cover(name, self.unit * SMALL_LETTERS).shape[1] for name in names), default=0)
+        left = MARGIN + round(widest / self.unit) + 6
         middle = left + BAR_WIDTH // 2
 
         def box(low: float, high: float, upper: float, lower: float) -> Any:
@@ -178,7 +183,7 @@ class Canvas:
 
         for k, value in enumerate(values):
             upper, lower = top + k * pitch, top + k * pitch + BAR_HEIGHT
-            self.text(str(k + 1), MARGIN - 2, upper - 3, palette.INK, SMALL_LETTERS)
+            self.text(names[k], MARGIN - 2, upper - 3, palette.INK, SMALL_LETTERS)
             box(left, left + BAR_WIDTH, upper, lower)[...] = palette.BAR_TRACK
             value = value if np.isfinite(value) else 0.0
             end = middle + round(float(np.clip(value, -1.0, 1.0)) * BAR_WIDTH / 2)

@@ -283,7 +283,7 @@ class Renderer:
             canvas.disc(goal, radius + 8.0, palette.GOAL, ring=2.5)
         if not written:
             return canvas.pixels
-        canvas.bars([effort if steps > 0 else 0.0 for effort in efforts])
+        canvas.bars([effort if steps > 0 else 0.0 for effort in efforts], arm.joints)
         dt = scene.control_dt
         canvas.text(f"time {steps * dt:.2f} s", MARGIN, MARGIN, palette.INK)
         if {*core.task.memory, *core.task.metrics} >= HOLDING:

@@ -160,11 +160,20 @@ def test_a_picture_says_the_time_what_the_bars_are_and_how_long_the_goal_was_hel
     at_rest = {"q": np.full(4, -np.pi / 2), "qd": np.zeros(4), "goal": (0.0, -0.99)}
     env = drawn(options=at_rest, task={"hold_steps": 2})
     env.render()
-    assert [text for text, _ in texts] == [BARS, "1", "2", "3", "4", "time 0.00 s"]
+    assert [text for text, _ in texts] == [BARS, "joint1", "joint2", "joint3", "joint4", "time 0.00 s"]
     for held, color_of_goal in (("held 0.02 s", False), ("held 0.04 s", True)):
         env.step(np.zeros(4, np.float32))
         env.render()
         assert (texts[-1][0], texts[-1][1] == palette.GOAL) == (held, color_of_goal)
+
+
+def test_bars_without_a_name_that_can_be_written_have_numbers(monkeypatch):
+    texts = []
+    monkeypatch.setattr(Canvas, "text", lambda self, text, *more: texts.append(text))
+    Canvas(1.0, np.zeros((480, 480, 3), np.uint8)).bars(
+        [0.1, 0.2, 0.3], ["elbow_1", "\u5173\u8282", "j" * 99]
+    )
+    assert texts == [BARS, "elbow_1", "2", "3"]
 
 
 def still(scene, shape=(), q=0.2):
