@@ -9,25 +9,26 @@ from typing import Any
 
 import numpy as np
 
+from redundant_envs.support import palette
 from redundant_envs.support.bounded import read_rows
 from redundant_envs.support.figures import bare, literal, new_figure, save_figure
 from studies.accuracy import STAMP, WHAT, PanelResult, Row, answers
 from studies.accuracy_config import Study
 
-# Colours of Okabe and Ito, which colour-blind readers can distinguish; ours are thick, the peers thin.
+# Ours are thick, the peers thin.
 OURS: dict[str, dict[str, Any]] = {
-    "euler": {"color": "#E69F00", "marker": "s"},
-    "rk4": {"color": "#0072B2", "marker": "o"},
-    "rk8": {"color": "#009E73", "marker": "^"},
-    "rk8, error-controlled": {"color": "#D55E00", "marker": "D"},
+    "euler": {"color": palette.AMBER, "marker": "s"},
+    "rk4": {"color": palette.BLUE, "marker": "o"},
+    "rk8": {"color": palette.GREEN, "marker": "^"},
+    "rk8, error-controlled": {"color": palette.VERMILION, "marker": "D"},
 }
 PEERS: dict[str, dict[str, Any]] = {
     "MuJoCo Euler": {"color": "#888888", "marker": "s", "ls": "-"},
     "MuJoCo implicitfast": {"color": "#888888", "marker": "x", "ls": ":"},
     "MuJoCo implicit": {"color": "#888888", "marker": "+", "ls": "--"},
-    "MuJoCo RK4": {"color": "#222222", "marker": "o", "ls": "-"},
-    "SciPy RK45": {"color": "#CC79A7", "marker": "v", "ls": ":"},
-    "SciPy DOP853": {"color": "#CC79A7", "marker": "^", "ls": "-"},
+    "MuJoCo RK4": {"color": palette.DARK, "marker": "o", "ls": "-"},
+    "SciPy RK45": {"color": palette.PINK, "marker": "v", "ls": ":"},
+    "SciPy DOP853": {"color": palette.PINK, "marker": "^", "ls": "-"},
 }
 COLUMNS = {
     "this package": {name: name for name in OURS},
@@ -141,7 +142,7 @@ def _advantage(panel: Any, result: PanelResult) -> None:
     if answer.ours is None or answer.mujoco is None:
         return
     ends = [(row["ns_best"], ENCODER_MM) for row in (answer.ours, answer.mujoco)]
-    arrow = {"arrowstyle": "<->", "color": "#222222", "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
+    arrow = {"arrowstyle": "<->", "color": palette.DARK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
     panel.annotate("", *ends, arrowprops=arrow, zorder=5)
     middle = np.sqrt(ends[0][0] * ends[1][0])
     text = f"{answer.ratio:.0f} ×"

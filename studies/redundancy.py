@@ -11,6 +11,7 @@ from typing import Any
 
 from redundant_envs.control.experts import baseline_of, expert_of
 from redundant_envs.envs.registration import IDS, full_id, id_of
+from redundant_envs.support import palette
 from redundant_envs.support.figures import bare, new_figure
 from redundant_envs.support.machine import versions
 from redundant_envs.support.progress import counted
@@ -23,7 +24,6 @@ ARMS = {"4R": "FourR", "RPRP": "RPRP", "2R": "TwoR"}
 SEED = 40_000_000
 """Of the first episode: no controller was tuned on these."""
 CONTROLLERS = {"nearest pose": baseline_of, "expert": expert_of}
-COLOURS = {"4R": "#0072B2", "RPRP": "#009E73", "2R": "#999999"}
 COLUMNS = (
     "machine", "date", "python", "llvmlite", "numpy", "commit", "episodes", "task", "arm", "controller",
     "success", "struck", "ms_per_episode",
@@ -76,7 +76,7 @@ def figure(rows: Sequence[Mapping[str, Any]], learners: Mapping[tuple[str, str],
     success = {(r["task"], r["arm"], r["controller"]): 100.0 * float(r["success"]) for r in rows}
     result = new_figure(9.0, 3.4, 120)
     panel, width, (first, *_) = result.subplots(), 0.8 / len(ARMS), ARMS
-    for k, (arm, colour) in enumerate(COLOURS.items()):
+    for k, (arm, colour) in enumerate(palette.ROBOTS.items()):
         x = [place + (k - (len(ARMS) - 1) / 2) * width for place in range(len(TASKS))]
         whole, near = ([success[task, arm, name] for task in TASKS] for name in ("expert", "nearest pose"))
         marks = [100.0 * learners.get((task, arm), math.nan) for task in TASKS]
@@ -91,7 +91,7 @@ def figure(rows: Sequence[Mapping[str, Any]], learners: Mapping[tuple[str, str],
     bare(panel)
     panel.grid(axis="x", visible=False)
     handles = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
-    shown = [*COLOURS, "wide: expert", "narrow: nearest pose", "best learner"]
+    shown = [*palette.ROBOTS, "wide: expert", "narrow: nearest pose", "best learner"]
     legend = {"loc": "outside lower center", "ncols": len(shown), "frameon": False}
     result.legend([handles[name] for name in shown], shown, **legend)
     return result

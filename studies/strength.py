@@ -18,14 +18,13 @@ from redundant_envs.effects import EffortLimits
 from redundant_envs.envs.sb3 import make_sb3
 from redundant_envs.scenes.files import text_value
 from redundant_envs.scenes.scene import load_scene, scene_at, scene_data
-from redundant_envs.support import bounded
+from redundant_envs.support import bounded, palette
 from redundant_envs.support.figures import bare, new_figure, save_figure
 from redundant_envs.support.progress import counted
 from redundant_envs.support.tables import markdown, write_rows
 from redundant_envs.support.values import shown
 from redundant_envs.tasks.reach import ReachTask
 from redundant_envs_train.config import Config, checked, load
-from redundant_envs_train.evidence.curves import EXPERT_COLOR, LEARNER_COLORS
 from redundant_envs_train.evidence.runs import Run, read_groups
 from redundant_envs_train.rollout import EVALUATION_SEED, expert_act, run_episodes
 from redundant_envs_train.run_folder import check_study
@@ -44,7 +43,7 @@ POSES: dict[str, Callable[..., Any]] = {EXPERT: pose_at, LIGHTEST: lightest_pose
 """Poses in which the plans of computed torque end."""
 FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of the reach scenes
 LEARNERS = ("PPO", "SAC")
-COLORS = {EXPERT: EXPERT_COLOR, LIGHTEST: "#7F7F7F"} | {who: LEARNER_COLORS[who] for who in LEARNERS}
+COLORS = {EXPERT: palette.EXPERT, LIGHTEST: "#7F7F7F"} | {who: palette.LEARNERS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
 MAX_FACTORS, MAX_FACTOR = 100, 10.0
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}

@@ -23,6 +23,7 @@ from redundant_envs.envs.face import numbers_of
 from redundant_envs.envs.registration import full_id
 from redundant_envs.envs.rendering import stated_limits
 from redundant_envs.robots import drawn
+from redundant_envs.support import palette
 from redundant_envs.support.disk import write_text
 from redundant_envs.support.figures import bare, new_figure, save_figure
 from redundant_envs.support.tables import markdown
@@ -72,7 +73,11 @@ BILLED = (
     "everything",
 )
 """Scenes of the picture of bills."""
-BILL_COLOURS = {"arm and integrator": "#0072B2", "effects": "#D55E00", "task and interval": "#999999"}
+BILL_COLOURS = {
+    "arm and integrator": palette.BLUE,
+    "effects": palette.VERMILION,
+    "task and interval": palette.GREY,
+}
 TRIED = (
     "[What redundancy buys](../redundancy.md#what-was-tried-and-what-is-learned) says what the columns mean."
 )
@@ -92,7 +97,7 @@ SECONDS = 3.0
 FREQUENCY = {"slow_motors": 5.0}
 """Frequency of the controller where its own of 12 rad/s keeps the arm swinging, rad/s: the motors follow it
 0.08 s late."""
-COLOURS = {"ideal": "#0072B2", "scene": "#D55E00"}
+COLOURS = {"ideal": palette.BLUE, "scene": palette.VERMILION}
 
 
 def thumbnail(name: str, parts: Sequence[tuple[str, int, int]]) -> None:
@@ -250,7 +255,7 @@ def rooms_picture() -> Any:
     panel.set(xlim=(-0.55, 4.55), ylim=(-0.6, 0.6))
     panel.axis("off")
     for k, (what, folders) in enumerate(ROOMS.items()):
-        box = {"boxstyle": "round,pad=0.6", "facecolor": "#e8f1f8", "edgecolor": "#0072B2"}
+        box = {"boxstyle": "round,pad=0.6", "facecolor": "#e8f1f8", "edgecolor": palette.BLUE}
         panel.text(k, 0.0, f"{what}\n\n{folders}", ha="center", va="center", fontsize=9, bbox=box)
         if k:
             arrow = {"arrowstyle": "-|>", "color": "0.3"}

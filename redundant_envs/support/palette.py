@@ -23,6 +23,16 @@ BAR_TRACK, BAR_PLUS, BAR_MINUS = (226, 229, 234), (70, 120, 190), (205, 92, 92)
 KINETIC, POTENTIAL, TOTAL = LINKS[0], (217, 130, 43), (46, 139, 102)  # of energies
 ERROR, LEFT_OUT = (140, 59, 59), (169, 173, 181)
 
+# Of figures: Okabe and Ito's colours, which colour-blind readers can tell apart, and greys.
+BLUE, VERMILION, GREEN, PINK = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+AMBER, SKY, BROWN, GREY, DARK = "#E69F00", "#56B4E9", "#8C564B", "#999999", "#222222"
+LEARNERS = {
+    "PPO": BLUE, "SAC": VERMILION, "HER": GREEN, "CrossQ": PINK, "TD3": AMBER, "TQC": SKY,
+    "stock PPO": GREY, "stock SAC": BROWN,
+}  # fmt: skip
+EXPERT = "black"  # and computed torque
+ROBOTS = {"4R": BLUE, "RPRP": GREEN, "2R": GREY}
+
 
 def css(color: Color) -> str:
     """A colour as SVG and matplotlib take it, such as "#fafaf8"."""

@@ -4,17 +4,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from redundant_envs.support import palette
+
 from .episodes import FEW
 from .settings import Study
 
 NONE, SMALL, OPEN, LARGE = "none", "small", "open", "large"
 """Verdicts on an interval: contains 0 within the margins; within them without 0; contains 0 and more;
 else."""
-LOOKS = {  # Okabe and Ito's colours, and a shape each
-    NONE: ("#0072B2", "o", "no measurable difference"),
-    SMALL: ("#009E73", "s", "measurable, within the margin"),
-    OPEN: ("#E69F00", "D", "not resolved"),
-    LARGE: ("#D55E00", "^", "a difference"),
+LOOKS = {
+    NONE: (palette.BLUE, "o", "no measurable difference"),
+    SMALL: (palette.GREEN, "s", "measurable, within the margin"),
+    OPEN: (palette.AMBER, "D", "not resolved"),
+    LARGE: (palette.VERMILION, "^", "a difference"),
 }
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.support import palette
 from redundant_envs.support.extras import needs
 from redundant_envs.support.figures import bare, literal, new_figure, save_figure
 from redundant_envs.support.tables import write_rows
@@ -26,12 +27,6 @@ MEASURES = {
     "return": ("mean return", "expert_mean_return"),
 }  # fmt: skip
 """Column of selection.csv -> title of its panels, and the expert's entry in evaluation.json, if any."""
-LEARNER_COLORS = {
-    "PPO": "#0072B2", "SAC": "#D55E00", "HER": "#009E73", "CrossQ": "#CC79A7", "TD3": "#E69F00",
-    "TQC": "#56B4E9", "stock PPO": "#999999", "stock SAC": "#8C564B",
-}  # fmt: skip
-"""Learners have the same colour in all figures. Most are Okabe and Ito's, for colour-blind readers."""
-EXPERT_COLOR = "black"  # the colour of experts in all figures
 TICKS = (1.0, 0.0, 0.9, 0.99, 0.5, 0.999, 0.98, 0.95, 0.8, 0.998)  # labelled rates, most important first
 CLOSEST = 0.075  # least distance of two labels, as a fraction of the axis
 SPREAD = 3.0  # a panel's x axis is logarithmic if its longest curve is more than this many times its shortest
@@ -172,7 +167,7 @@ def _draw_group(panel: Any, name: str, axis: str, same: Group, color: str) -> No
 def _finish(panel: Any, name: str, axis: str, shown: Sequence[Group]) -> None:
     """The expert, scales and labels of a panel."""
     for level in sorted({level for same in shown if (level := expert(same, name)) is not None}):
-        panel.axhline(level, color=EXPERT_COLOR, linestyle=(0, (5, 3)), lw=1.1, label="expert")
+        panel.axhline(level, color=palette.EXPERT, linestyle=(0, (5, 3)), lw=1.1, label="expert")
     title, label = MEASURES[name][0], AXES[axis][2]
     ends = [points(run, axis)[0][-1] for same in shown for run in same.runs]
     if 0.0 < SPREAD * min(ends) < max(ends):
@@ -215,6 +210,6 @@ def _rate_scale(panel: Any, goal: float) -> None:
 def _looks(groups: Sequence[Group]) -> dict[str, str]:
     """Colour of each learner, the same in all panels; others take turns with those that are free."""
     learners = {same.learner for same in groups}
-    free = [c for who, c in LEARNER_COLORS.items() if who not in learners] or [*LEARNER_COLORS.values()]
-    others = zip(sorted(learners - LEARNER_COLORS.keys()), itertools.cycle(free), strict=False)
-    return dict(others) | LEARNER_COLORS
+    free = [c for who, c in palette.LEARNERS.items() if who not in learners] or [*palette.LEARNERS.values()]
+    others = zip(sorted(learners - palette.LEARNERS.keys()), itertools.cycle(free), strict=False)
+    return dict(others) | palette.LEARNERS

@@ -545,7 +545,7 @@ const app = {
     if (String(lines) !== this.said) {
       this.said = String(lines);
       byId("said").replaceChildren(...lines.map(([kind, text]) => made("div", {},
-        ...(kind ? [made("span", { className: `swatch ${kind}` })] : []), text)));
+        ...(kind ? [made("span", { className: `swatch ${this.look(kind)}` })] : []), text)));
     }
     const news = movers.map(([, text]) => text).filter((text) => text.includes("holds it")).join("; ");
     if (news !== this.told) this.told = byId("news").textContent = news; // for screen readers, once
@@ -573,10 +573,13 @@ const app = {
     view.getContext("2d").setTransform(fine, 0, 0, fine, 0, 0);
   },
 
+  /* What a mover looks like: a learner as its algorithm in all figures. */
+  look(kind) { return kind === "learner" ? byId("policy").value : kind; },
+
   /* Colours of the style, which has a light and a dark scheme. */
   theme() {
     const style = getComputedStyle(document.documentElement);
-    for (const name of ["learner", "torque", "nobody", "goal", "push", "paper", "rim", "joint"]) {
+    for (const name of ["SAC", "PPO", "torque", "nobody", "goal", "push", "paper", "rim", "joint"]) {
       this.colors[name] = style.getPropertyValue(`--${name}`).trim();
     }
   },
@@ -608,14 +611,14 @@ const app = {
     pen.lineWidth = 2;
     this.trail.forEach((tips, k) => tips.forEach((tip, lane) => {
       if (!k || !this.trail[k - 1][lane]) return;
-      Object.assign(pen, { strokeStyle: colors[kinds[lane]], globalAlpha: (0.4 * k) / TRAIL });
+      Object.assign(pen, { strokeStyle: colors[this.look(kinds[lane])], globalAlpha: (0.4 * k) / TRAIL });
       line(this.trail[k - 1][lane], tip);
     }));
     pen.globalAlpha = 1;
     for (let lane = kinds.length - 1; lane >= 0; lane--) {
       const places = points[lane];
       for (let k = 0; k + 1 < places.length; k++) {
-        Object.assign(pen, { strokeStyle: colors[kinds[lane]], lineWidth: travel[k] ? 6 : 13 - 2 * k });
+        Object.assign(pen, { strokeStyle: colors[this.look(kinds[lane])], lineWidth: travel[k] ? 6 : 13 - 2 * k });
         line(places[k], places[k + 1]);
         if (lane) { // of two arms the second has a light line inside, for those who see no colours
           Object.assign(pen, { strokeStyle: colors.paper, lineWidth: 2 });
