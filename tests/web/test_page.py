@@ -157,10 +157,9 @@ def test_all_can_be_done_from_the_keyboard(opened):
 
 def test_every_control_has_a_label_and_fits_a_narrow_screen(opened):
     tab = opened(viewport={"width": 360, "height": 640})
-    right = (
-        "Math.max(...[...document.querySelectorAll('#cost th')].map((x) => x.getBoundingClientRect().right))"
-    )
-    assert tab.evaluate(right) <= 360
+    right = "(x) => x.getBoundingClientRect().right"
+    heads = tab.evaluate(f"[...document.querySelectorAll('#cost th')].map({right})")
+    assert max(heads) <= 360
     unnamed = tab.evaluate("""[...document.querySelectorAll("input, select, button, canvas")].filter(
       (one) => !(one.labels && one.labels.length) && !one.textContent.trim() && !one.ariaLabel).length""")
     assert unnamed == 0
