@@ -39,8 +39,9 @@ TOPICS = {
         """
 import gymnasium as gym
 import redundant_envs as rde
+from redundant_envs.envs.env import ArmEnv
 
-env = gym.make("redundant_envs/TwoRReach-v0", accuracy="exact")
+env: ArmEnv = gym.make("redundant_envs/TwoRReach-v0", accuracy="exact").unwrapped
 observation, info = env.reset(seed=0, options={"goal": (0.3, 0.4)})
 assert rde.Numerics(info["numerics"]) == rde.Numerics(0)  # no fault
 """,
@@ -51,11 +52,12 @@ assert rde.Numerics(info["numerics"]) == rde.Numerics(0)  # no fault
         """
 import gymnasium as gym
 import redundant_envs as rde
-from redundant_envs.envs.sb3 import make_sb3
+from redundant_envs.envs.sb3 import SB3VecEnv, make_sb3
+from redundant_envs.envs.vector_env import ArmVectorEnv
 
-envs = gym.make_vec("redundant_envs/TwoRReach-v0", num_envs=8)
+envs: ArmVectorEnv = gym.make_vec("redundant_envs/TwoRReach-v0", num_envs=8)
 rde.check_vec_env(envs)
-for_stable_baselines3 = make_sb3("redundant_envs/TwoRReach-v0", 8)
+for_stable_baselines3: SB3VecEnv = make_sb3("redundant_envs/TwoRReach-v0", 8)
 """,
         {
             "redundant_envs.envs.vector_env": ("ArmVectorEnv",), RDE: ("check_vec_env",),
@@ -113,9 +115,10 @@ tip = arm.forward_kinematics((0.1, 0.2, 0.3, 0.4))
         "Simulate", "A motion of a scene from a state, without an environment, and its picture.",
         """
 import redundant_envs as rde
+from redundant_envs.model.trajectory import Trajectory
 
 scene = rde.load_scene("rprp_stops")
-motion = rde.simulate(scene, q=(0.3, 0.2, -0.4, 0.1), qd=(0, 0, 0, 0), times=[0.0, 0.5, 1.0])
+motion: Trajectory = rde.simulate(scene, q=(0.3, 0.2, -0.4, 0.1), qd=(0, 0, 0, 0), times=[0.0, 0.5, 1.0])
 assert all(isinstance(event, rde.Event) for event in motion.events)
 frame = rde.animate(motion).frame(-1)
 """,
@@ -148,10 +151,12 @@ program = rde.listing(scene)
         "Verify", "Is a scene simulated right? [Accuracy](../../accuracy.md) says what is compared.",
         """
 import redundant_envs as rde
-from redundant_envs.verify import verify
+from redundant_envs.verify import Mode, Report, Subject, Verdict, subject_from, subjects_of, verify
 
-report = verify(rde.load_scene("four_r_free"), states=2)
-assert report.good
+scene = rde.load_scene("four_r_free")
+report: Report = verify(scene, states=2, mode=Mode.QUICK)
+assert report.good and all(outcome.verdict is not Verdict.MISSED for outcome in report.outcomes)
+subject: Subject = subject_from("my scene", scene)  # subjects_of finds those of a file
 """,
         {"redundant_envs.verify": tuple(verify.__all__)},
     ),
@@ -219,15 +224,151 @@ rde.register_integrator(heun)
     ),
     "hooks": Topic(
         "Effects of your own", "An effect gives hooks; [extending](../../extending.md#effects) makes one.",
-        "", {EFFECTS: tuple(name for name in HOOKS if name not in (*EVENTS, *MOTORS))},
+        """
+from dataclasses import dataclass
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.effects import Effect, Field, Force, Friction, Inertia, Point, PointMass, State
+
+
+@physics
+def drag(rate, damping):
+    return -damping * rate
+
+
+@physics
+def warming(rate, damping):
+    return damping * rate * rate
+
+
+@physics
+def shaken(shake):
+    return shake, 0.0
+
+
+@physics
+def dry(grip):
+    return grip
+
+
+@dataclass(frozen=True)
+class Workshop(Effect):
+    damping: float = 0.1  # N m s
+    shake: float = 0.5  # m/s^2
+    grip: float = 0.05  # N m
+    rotor: float = 0.01  # kg m^2
+    load: float = 0.2  # kg
+
+    def hooks(self, arm):
+        heat = State("heat", "J", derivative=warming)
+        return (
+            Force(0, drag, states=(heat,)), Field(shaken), Friction(1, dry), Inertia((2,), ".rotor"),
+            PointMass(Point(3), ".load"),
+        )
+
+
+scene = rde.Scene(rde.FourR((0.5,) * 4, (0.25,) * 4), effects=(Workshop(),), tolerance=1e-6)
+motion = rde.simulate(scene, q=(0.1, 0.2, 0.3, 0.4), qd=(1.0, 0.0, 0.0, 0.0), times=[0.1])
+""",
+        {EFFECTS: tuple(name for name in HOOKS if name not in (*EVENTS, *MOTORS))},
     ),
     "events": Topic(
         "Impacts and instants of your own", "[Hooks](hooks.md) of what happens at a time within an interval.",
-        "", {EFFECTS: EVENTS},
+        """
+from dataclasses import dataclass
+
+import redundant_envs as rde
+from redundant_envs.algebra import minimum, physics
+from redundant_envs.effects import Effect, Gap, Impact, Impulse, Instant, Obstacle, Point
+
+
+@physics
+def above(tip_y, floor):
+    return tip_y - floor
+
+
+@physics
+def kick(blow):
+    return blow, 0.0
+
+
+@physics
+def moment(delay):
+    return delay
+
+
+@physics
+def over_a_line(ya, yb, floor):
+    return minimum(ya, yb) - floor
+
+
+@dataclass(frozen=True)
+class Room(Effect):
+    floor: float = -0.9  # m
+    bounce: float = 0.5
+    blow: float = 0.1  # N s
+    delay: float = 0.005  # s
+
+    def hooks(self, arm):
+        return (
+            Gap(above, ".bounce"), Impulse(Point(3), kick, when="instant"), Instant(moment),
+            Obstacle(over_a_line),
+        )
+
+
+@dataclass(frozen=True)
+class Ends(Effect):
+    lower: float = 0.0  # m
+    upper: float = 0.3  # m
+    bounce: float = 0.0
+
+    def hooks(self, arm):
+        return tuple(Impact(joint, ".lower", ".upper", ".bounce") for joint in arm.sliders())
+
+
+scene = rde.Scene(rde.RPRP((0.5,) * 4, (0.25, 0.25)), effects=(Room(), Ends()), tolerance=1e-6)
+motion = rde.simulate(scene, q=(0.1, 0.1, 0.3, 0.2), qd=(1.0, 0.0, 0.0, 0.0), times=[0.1])
+""",
+        {EFFECTS: EVENTS},
     ),
     "motors": Topic(
         "Motors and sensors of your own", "[Hooks](hooks.md) from commands to motors, and of observations.",
-        "", {EFFECTS: MOTORS},
+        """
+from dataclasses import dataclass
+
+import redundant_envs as rde
+from redundant_envs.algebra import physics
+from redundant_envs.effects import Actuation, Effect, InnerControl, Link, Reading, Sensing
+
+
+@physics
+def worn(command, efficiency):
+    return efficiency * command
+
+
+@physics
+def shifted(reading, shift):
+    return reading + shift
+
+
+@dataclass(frozen=True)
+class WornMotors(Effect):
+    efficiency: float = 0.9
+    shift: float = 0.01  # rad/s
+
+    def hooks(self, arm):
+        joints = range(len(arm.joints))
+        motors = tuple(Actuation(k, worn, link=Link.GEAR) for k in joints)
+        return (*motors, *(Sensing(k, shifted, reading=Reading.RATE) for k in joints))
+
+
+effects = rde.effects.Gravity(), rde.effects.EffortLimits((20.0, 12.0, 8.0, 4.0)), WornMotors()
+scene = rde.Scene(rde.FourR((0.5,) * 4, (0.25,) * 4), effects=effects, tolerance=1e-6)
+motion = rde.simulate(scene, q=(0.1,) * 4, qd=(0.0,) * 4, times=[0.1], efforts=(1.0, 0.0, 0.0, 0.0))
+assert issubclass(rde.effects.JointVelocity, InnerControl)  # a mode of actions of your own says what it wants
+""",
+        {EFFECTS: MOTORS},
     ),
 }  # fmt: skip
 

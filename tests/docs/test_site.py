@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from markdown import ROOT
+from markdown import PAGES, ROOT
 
 import redundant_envs as rde
 import redundant_envs.control
@@ -29,8 +29,11 @@ def test_pages_from_the_code_have_every_scene_and_name_and_their_blocks_run(monk
     assert {f"scenes/{name}.md" for name in scene_names()} <= pages.keys()
     assert all(f"\n## {name}\n" in pages["reference/integrators.md"] for name in METHODS)
     api = "".join(text for name, text in pages.items() if name.startswith("reference/api"))
+    manual = api + "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    examples = "".join(re.findall(r"^```python\n(.*?)^```", manual, re.S | re.M))
     for name in {*rde.__all__, *rde.effects.__all__, *rde.control.__all__, *rde.verify.__all__} - {"effects"}:
         assert f"| [`{name}`](" in api
+        assert re.search(rf"\b{name}\b", examples), f"no example has {name}"
     for name, text in pages.items():
         for block in re.findall(r"^```python\n(.*?)^```", text, re.S | re.M):
             exec(compile(block, name, "exec"), {"__name__": "__main__"})
