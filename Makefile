@@ -1,6 +1,6 @@
 # make test: set up, and test each promise once.  make test-long: all tests and checks, with every library that
 # one of them needs.  make train: set up, learn to reach in a minute, report.  make coverage: what tests reach.
-# make test-page: the tests of WebAssembly and of the page, which need Node.js and Chromium; make test-long
+# make test-page: the tests of WebAssembly, of the page and of the site, which need Node.js and Chromium; make test-long
 # skips those whose program it does not find.
 # make docs: the site of the documentation, in build/site/html; once Sphinx and Jupyter are there, it needs no
 # network. Notebooks are executed again only if they or the package changed, the hard cases each time.

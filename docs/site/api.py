@@ -29,7 +29,7 @@ HOOKS = tuple(
     name for name in rde.effects.__all__ if getattr(rde.effects, name) not in rde.effects.OWN.values()
 )
 """What effects are made of: all that is no effect of the package."""
-EVENTS = ("Gap", "Impact", "Impulse", "Instant", "Obstacle")
+EVENTS = ("Friction", "Gap", "Impact", "Impulse", "Instant", "Obstacle")
 MOTORS = ("Actuation", "Link", "InnerControl", "Sensing", "Reading")
 CONTROLLERS = ("ComputedTorque", "OperationalSpace", "ResolvedMotion", "HoldingLQR", "ReachCost", "ilqr_plan")
 TOPICS = {
@@ -274,7 +274,8 @@ motion = rde.simulate(scene, q=(0.1, 0.2, 0.3, 0.4), qd=(1.0, 0.0, 0.0, 0.0), ti
         {EFFECTS: tuple(name for name in HOOKS if name not in (*EVENTS, *MOTORS))},
     ),
     "events": Topic(
-        "Impacts and instants of your own", "[Hooks](hooks.md) of what happens at a time within an interval.",
+        "Dry friction, impacts and instants of your own",
+        "[Hooks](hooks.md) of what happens at a time within an interval.",
         """
 from dataclasses import dataclass
 
