@@ -166,10 +166,11 @@ class Canvas:
         mix(patch, weight[y0 - top :, x0 - left :][: patch.shape[0], : patch.shape[1]], color)
 
     def bars(self, values: Sequence[float], names: Sequence[str]) -> None:
-        """Values in [-1, 1] as horizontal bars in the lower left corner, with names and a heading. A long
-        name, or one with a letter that has no glyph, is a number, from 1."""
-        short = (name if len(name) <= LONGEST_NAME and GLYPHS.keys() >= {*name} else "" for name in names)
-        names = [name or str(k + 1) for k, name in enumerate(short)]
+        """Values in [-1, 1] as horizontal bars in the lower left corner, with names and a heading; in
+        small letters, or as numbers from 1 if one is long, or has a letter without a glyph."""
+        names = [name.lower() for name in names]
+        if any(len(name) > LONGEST_NAME or set(name) - GLYPHS.keys() for name in names):
+            names = [str(k + 1) for k in range(len(names))]
         pitch, unit = BAR_HEIGHT + BAR_GAP, self.unit
         top = -MARGIN - len(values) * pitch  # from the bottom
         self.text(BARS, MARGIN - 2, top - 18, palette.INK, SMALL_LETTERS)

@@ -347,8 +347,8 @@ class ComputedTorque {
     this._start = q.slice();
     this._goal = goal;
     this._end = this._pose(q, goal);
-    this._time = this._turned = this._wanted = 0;
-    this._along = q.map((_, j) => (j ? 0 : 1)); // of the joints: the first one leads
+    this._time = this._steps = this._wanted = 0;
+    this._path = new Map([[0, { pose: this._end, along: q.map((_, j) => (j ? 0 : 1)) }]]); // the first joint leads
   }
 
   /* Turn the arm while its tip stays: the way of the joints along the null space from the planned pose. */
@@ -356,23 +356,42 @@ class ComputedTorque {
     this._wanted = way;
   }
 
-  /* Move the end of the plan along the null space by what a control step allows; its rates. */
+  /* Move the end of the plan along the null space by what a control step allows; its rates. Poses of the way are
+     kept by the number of their step: the way back is the same, and the way ends where the arm cannot go on. */
   _turning() {
-    const most = ComputedTorque.TURN_SPEED * this._dt, product = ComputedTorque.product;
-    const change = Math.min(most, Math.max(-most, this._wanted - this._turned)), before = this._end;
-    if (!change) return before.map(() => 0);
-    const [a, b] = this._jacobian(this._evaluated(before, before.map(() => 0)));
-    const dot = (u, v) => u.reduce((sum, x, j) => sum + x * v[j], 0);
-    const aa = dot(a, a), bb = dot(b, b), ab = dot(a, b), along = this._along, u = dot(a, along), v = dot(b, along);
-    const determinant = Math.max(aa * bb - ab * ab, 1e-9);
-    const [x, y] = [(bb * u - ab * v) / determinant, (aa * v - ab * u) / determinant];
-    const free = along.map((value, j) => value - x * a[j] - y * b[j]), size = Math.hypot(...free);
-    if (size > 1e-6) this._along = free.map((value) => value / size);
-    const ranges = this._ranges(), phi = product(before, this._motors.map).map((value, j) => (
-      Math.min(ranges[j][1], Math.max(ranges[j][0], value + change * this._along[j]))));
-    this._end = this._pose(product(phi, this._motors.inverse), this._goal);
-    this._turned += change;
+    const most = ComputedTorque.TURN_SPEED * this._dt, before = this._end;
+    const side = Math.sign(Math.round(this._wanted / most) - this._steps), next = this._steps + side;
+    if (!this._path.has(next)) this._path.set(next, this._beside(this._path.get(this._steps), side * most));
+    const there = this._path.get(next);
+    if (there) [this._end, this._steps] = [there.pose, next];
     return this._end.map((value, i) => (value - before[i]) / this._dt);
+  }
+
+  /* The next pose along the null space, and its direction of the joints; null where there is none. */
+  _beside({ pose, along }, change) {
+    const { map, inverse } = this._motors, phi = ComputedTorque.product(pose, map), ranges = this._ranges();
+    const rows = this._jacobian(this._evaluated(pose, pose.map(() => 0)));
+    const dot = (u, v) => u.reduce((sum, x, j) => sum + x * v[j], 0), movable = phi.map(() => 1);
+    let free = along;
+    for (let pass = 0; pass < phi.length; pass++) { // joints at the end of their travel are held
+      const [a, b, led] = [...rows, along].map((row) => row.map((x, j) => x * movable[j]));
+      const aa = dot(a, a), bb = dot(b, b), ab = dot(a, b), u = dot(a, led), v = dot(b, led);
+      const determinant = Math.max(aa * bb - ab * ab, 1e-9);
+      const [x, y] = [(bb * u - ab * v) / determinant, (aa * v - ab * u) / determinant];
+      free = led.map((value, j) => value - x * a[j] - y * b[j]);
+      free.forEach((value, j) => {
+        const [low, high] = ranges[j], way = value * change;
+        if ((phi[j] <= low && way < 0) || (phi[j] >= high && way > 0)) movable[j] = 0;
+      });
+    }
+    const size = Math.hypot(...free);
+    if (size < 1e-3 || free.some((value, j) => value && !movable[j])) return null;
+    const there = phi.map((value, j) => (
+      Math.min(ranges[j][1], Math.max(ranges[j][0], value + (change * free[j]) / size))));
+    const next = this._pose(ComputedTorque.product(there, inverse), this._goal);
+    const gone = Math.hypot(...ComputedTorque.product(next, map).map((value, j) => value - phi[j]));
+    if (gone < 0.5 * Math.abs(change) || gone > 2 * Math.abs(change)) return null; // it stays, or jumps
+    return { pose: next, along: free.map((value) => value / size) };
   }
 
   /* Rows of the Jacobian of the tip by the positions of the joints. */
@@ -390,8 +409,8 @@ class ComputedTorque {
     this._time += this._dt;
     const acceleration = q.map((x, i) => {
       const distance = this._end[i] - this._start[i];
-      const place = this._start[i] + distance * s ** 3 * (10 - 15 * s + 6 * s * s);
-      const rate = (distance * 30 * s * s * (1 - s) ** 2) / T + turning[i];
+      const share = s ** 3 * (10 - 15 * s + 6 * s * s), place = this._start[i] + distance * share;
+      const rate = (distance * 30 * s * s * (1 - s) ** 2) / T + turning[i] * share;
       return (distance * 60 * s * (1 - 3 * s + 2 * s * s)) / (T * T) + 2 * w * (rate - qd[i]) + w * w * (place - x);
     });
     const arm = this._evaluated(q, qd), at = this._at, { map, inverse, limits, friction } = this._motors;

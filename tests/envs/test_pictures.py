@@ -167,13 +167,19 @@ def test_a_picture_says_the_time_what_the_bars_are_and_how_long_the_goal_was_hel
         assert (texts[-1][0], texts[-1][1] == palette.GOAL) == (held, color_of_goal)
 
 
-def test_bars_without_a_name_that_can_be_written_have_numbers(monkeypatch):
+@pytest.mark.parametrize(
+    ("names", "written"),
+    [
+        (["Elbow_1", "wrist-2"], ["elbow_1", "wrist-2"]),
+        (["elbow", "\u5173\u8282"], ["1", "2"]),
+        (["elbow", "j" * 99], ["1", "2"]),
+    ],
+)
+def test_bars_have_names_or_numbers_if_one_cannot_be_written(names, written, monkeypatch):
     texts = []
     monkeypatch.setattr(Canvas, "text", lambda self, text, *more: texts.append(text))
-    Canvas(1.0, np.zeros((480, 480, 3), np.uint8)).bars(
-        [0.1, 0.2, 0.3], ["elbow_1", "\u5173\u8282", "j" * 99]
-    )
-    assert texts == [BARS, "elbow_1", "2", "3"]
+    Canvas(1.0, np.zeros((480, 480, 3), np.uint8)).bars([0.1, 0.2], names)
+    assert texts == [BARS, *written]
 
 
 def still(scene, shape=(), q=0.2):

@@ -131,7 +131,8 @@ function work() {
     });
     return {
       arm: now.name, kinds: now.kinds, points, goal: goalOf(main), reach: reach(), held: now.held, steps: now.steps,
-      holding: now.kinds.map((_, lane) => Boolean(main.output("is_success", lane))), range: range(), dt: description.control_dt, tolerance: main.get("goal_tolerance") * reach(),
+      holding: now.kinds.map((_, lane) => Boolean(main.output("is_success", lane))),
+      range: range(), dt: description.control_dt, tolerance: main.get("goal_tolerance") * reach(),
       costs: now.costs, microseconds, episode: now.episode, order: now.order,
     };
   }
@@ -272,6 +273,7 @@ const SIGNS = {
   additions: "+ −", products: "×", divisions: "÷", roots: "√", sine_pairs: "sin cos", comparisons: "<", selections: "?:",
   bytes: "bytes",
 };
+const LONGEST_GOAL = 500; // steps after which another goal comes although this one is not held
 const MAX_STEPS = 5, SLOW = 300, SLOW_ANSWER = 100, PAUSE_WHEN_HELD = 50, COSTS_EVERY = 200, WRITE_EVERY = 500;
 const SMALLEST = 1e-16; // m: smaller differences of the tip are below rounding
 const TRIAL_GOALS = 100, TRIAL_SLICE = 5, MAX_FAULTS = 3, FAULTS_WITHIN = 10_000;
@@ -531,12 +533,12 @@ const app = {
   },
 
   say() {
-    const { kinds, points, held, holding, steps, dt } = this.seen, seconds = (n) => `${(n * dt).toFixed(2)} s`;
+    const { kinds, points, held, holding, steps, dt, tolerance } = this.seen, seconds = (n) => `${(n * dt).toFixed(2)} s`;
     const state = (lane) => {
       if (held[lane] === null) return `does not hold it yet (${seconds(steps)})`;
       if (holding[lane]) return `holds it after ${seconds(held[lane])}`;
-      const away = Math.hypot(...points[lane].at(-1).map((x, k) => x - this.goal[k]));
-      return `held it after ${seconds(held[lane])}, and is ${(100 * away).toFixed(0)} cm away`;
+      const away = Math.hypot(...points[lane].at(-1).map((x, k) => x - this.goal[k])), at = away <= tolerance;
+      return `held it after ${seconds(held[lane])}, and is ${at ? "back at it" : `${(100 * away).toFixed(0)} cm away`}`;
     };
     const movers = kinds.map((kind, lane) => [kind, `${NAMES[kind]} ${state(lane)}`]).filter(([kind]) => kind !== "nobody");
     const slow = this.waiting !== null && performance.now() - this.waiting > SLOW;
@@ -620,13 +622,15 @@ const app = {
       for (let k = 0; k + 1 < places.length; k++) {
         Object.assign(pen, { strokeStyle: colors[this.look(kinds[lane])], lineWidth: travel[k] ? 6 : 13 - 2 * k });
         line(places[k], places[k + 1]);
-        if (lane) { // of two arms the second has a light line inside, for those who see no colours
+        if (kinds[lane] === "torque") { // a light line inside, for those who see no colours
           Object.assign(pen, { strokeStyle: colors.paper, lineWidth: 2 });
           line(places[k], places[k + 1]);
         }
       }
       pen.fillStyle = colors.joint;
-      places.forEach((place) => circle(place, 4, true));
+      places.forEach((place) => circle(place, 5, true));
+      pen.fillStyle = colors.paper;
+      places.forEach((place) => circle(place, 2, true));
       if (this.push[0] || this.push[1]) {
         const tip = places.at(-1), end = tip.map((x, k) => x + this.push[k] / ARROW); // N per metre of the arrow
         Object.assign(pen, { strokeStyle: colors.push, fillStyle: colors.push, lineWidth: 4 });
@@ -713,7 +717,7 @@ const app = {
       return;
     }
     const done = holding.every(Boolean) && held.every((when) => when !== null && steps > when + PAUSE_WHEN_HELD);
-    if (done && byId("next").checked && !this.drag && !kinds.includes("nobody")) this.fresh();
+    if ((done || steps > LONGEST_GOAL) && byId("next").checked && !this.drag && !kinds.includes("nobody")) this.fresh();
   },
 
   /* ---- input ---- */
