@@ -15,7 +15,7 @@ import gymnasium as gym
 import imageio.v3 as imageio
 import numpy as np
 import printed
-from sources import DOCS, ROOT
+from sources import DOCS, PAGES, ROOT
 
 import redundant_envs as rde
 from redundant_envs.effects.hooks import snake_case
@@ -343,25 +343,25 @@ Operations of one step, stages as often as they are evaluated, and bytes of memo
     return made
 
 
-IMAGE = re.compile(r"!\[([^]]*)\]\(([^)]+)\)")
+IMAGE = re.compile(r'!\[([^]]*)\]\((?!https?:)([^)]+)\)|<img src="(?!https?:)([^"]+)"[^>]*alt="([^"]*)"')
+"""An image of Markdown or HTML that is a file: words and file, or file and words."""
 
 
 def gallery() -> str:
-    """Figures by the page of docs/ that shows them first, with captions, and the commands that make them."""
-    parts, shown = ["# Gallery"], set()
-    for page in [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]:
+    """Figures of docs/ by the page that shows them first, with captions, and the commands that make them."""
+    parts: list[str] = ["# Gallery"]
+    shown: set[Path] = set()
+    for page in [ROOT / "README.md", *sorted(DOCS.glob("*.md")), DOCS / "site" / "start.md"]:
         text = page.read_text(encoding="utf-8")
-        found = [(page.parent / place, caption) for caption, place in IMAGE.findall(text)]
-        new = {path.resolve(): caption for path, caption in found if path.resolve() not in shown}
+        found = {(page.parent / (a or b)).resolve(): x or y for x, a, b, y in IMAGE.findall(text)}
+        new = {path: words for path, words in found.items() if path not in shown}
         if not new:
             continue
         shown |= new.keys()
-        name = "install" if page.name == "README.md" else page.stem
-        title = text.partition("\n")[0].removeprefix("# ")
-        parts.append(f"## [{title}]({name}.md)")
-        for path, caption in new.items():
+        place = PAGES.get(page.relative_to(ROOT).as_posix(), page.name)
+        parts.append(f"## [{text.partition(chr(10))[0].removeprefix('# ')}]({place})")
+        for path, words in new.items():
             where = path.relative_to(DOCS).as_posix()
             command = next(c for start, c in COMMANDS.items() if where.startswith(start))
-            words = caption or path.stem.replace("_", " ")
             parts += [f"![{words}]({where})", f"{words}. <small>`{command}`</small>"]
     return "\n\n".join(parts)

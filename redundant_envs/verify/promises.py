@@ -14,6 +14,8 @@ class Mode(enum.IntEnum):
 
 
 class Verdict(enum.Enum):
+    """What a check says of a promise."""
+
     KEPT = "kept"
     MISSED = "MISSED"
     MEASURED = "measured"

@@ -1,5 +1,6 @@
 """The site: the pages that are written from the code, and a build without warnings."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -30,10 +31,20 @@ def test_pages_from_the_code_have_every_scene_and_name_and_their_blocks_run(monk
     assert all(f"\n## {name}\n" in pages["reference/integrators.md"] for name in METHODS)
     api = "".join(text for name, text in pages.items() if name.startswith("reference/api"))
     manual = api + "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    examples = "".join(re.findall(r"^```python\n(.*?)^```", manual, re.S | re.M))
+    trees = [ast.parse(block) for block in re.findall(r"^```python\n(.*?)^```", manual, re.S | re.M)]
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    used = {node.id for node in nodes if isinstance(node, ast.Name)}
+    used |= {node.attr for node in nodes if isinstance(node, ast.Attribute)}
+    used |= {
+        node.value for node in nodes if isinstance(node, ast.Constant)
+    }  # {"type": "SensorBias"} of a scene
     for name in {*rde.__all__, *rde.effects.__all__, *rde.control.__all__, *rde.verify.__all__} - {"effects"}:
         assert f"| [`{name}`](" in api
-        assert re.search(rf"\b{name}\b", examples), f"no example has {name}"
+        assert name in used, f"no example has {name}"
+    figures = [
+        path for path in (ROOT / "docs" / "figures").iterdir() if path.suffix in (".png", ".gif", ".svg")
+    ]
+    assert [path for path in figures if f"(figures/{path.name})" not in pages["gallery.md"]] == []
     for name, text in pages.items():
         for block in re.findall(r"^```python\n(.*?)^```", text, re.S | re.M):
             exec(compile(block, name, "exec"), {"__name__": "__main__"})
