@@ -17,7 +17,7 @@ PICTURE = Path(__file__).with_name("page.png")
 ADDRESS = "#arm=RPRP&who=race&goal=-0.45,0.5&accuracy=6"
 MOMENT = "app.seen && app.seen.steps >= 26"
 """Both arms are under way, and the learner is nearly there."""
-COLOURS = 48
+COLOURS = 128
 
 
 def main() -> None:
