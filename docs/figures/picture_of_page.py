@@ -17,7 +17,7 @@ PICTURE = Path(__file__).with_name("page.png")
 ADDRESS = "#arm=RPRP&who=race&goal=-0.45,0.5&accuracy=6"
 MOMENT = "app.seen && app.seen.steps >= 26"
 """Both arms are under way, and the learner is nearly there."""
-COLOURS = 128
+COLOURS = 256
 
 
 def main() -> None:
@@ -32,7 +32,7 @@ def main() -> None:
         tab.evaluate("app.run(false)")
         seen = Image.open(io.BytesIO(tab.screenshot()))
         browser.close()
-    seen.quantize(COLOURS).save(PICTURE, optimize=True)
+    seen.convert("RGB").quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(PICTURE, optimize=True)
     print(PICTURE)
 
 
