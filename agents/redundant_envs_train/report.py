@@ -25,11 +25,20 @@ from redundant_envs.tasks import Task
 from . import command, run_folder
 from .config.run import LABELS
 from .evidence.curves import draw_curves
+from .evidence.outcomes import draw_outcomes
 from .evidence.runs import group, read_run
 from .pages import page, results_table
 from .play import clip
 from .policies import load_policy
-from .rollout import EVALUATION_SEED, EpisodeEnds, expert_act, expert_name, policy_act, run_episodes
+from .rollout import (
+    EVALUATION_SEED,
+    EpisodeEnds,
+    expert_act,
+    expert_name,
+    policy_act,
+    run_episodes,
+    task_of,
+)
 from .statistics import Statistic, differs, wilson
 
 PACKAGES = ("redundant-envs", "gymnasium", "stable-baselines3", "torch", "numpy", "llvmlite")
@@ -37,8 +46,6 @@ CLIP_EPISODES = 4
 OF_ACTIONS = ("action", "decide_every")
 """Arguments of an environment without which its episodes are equal, and an action is an effort for a step, as
 experts give them."""
-EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
-"""Columns of episodes.csv."""
 
 
 class EvaluationResult(NamedTuple):
@@ -118,12 +125,18 @@ def reasons(
         return counts
     if expert is not None and expert.hold is not None:
         counts["missed_by_both"] = int((~policy.hold & ~expert.hold).sum())
-    share = core.task.parameters().get("goal_tolerance")  # of the reach, up to which the tip is at its goal
-    if policy.touch is not None and policy.distance is not None and share is not None:
-        missed, at_goal = missed & ~policy.ended, policy.distance <= share * core.reach
+    near = near_enough(core)
+    if policy.touch is not None and policy.distance is not None and near is not None:
+        missed, at_goal = missed & ~policy.ended, policy.distance <= near
         counts["restless"] = int((missed & at_goal).sum())
         counts["passed"] = int((missed & policy.touch & ~at_goal).sum())
     return counts
+
+
+def near_enough(core: Core) -> float | None:
+    """Distance up to which the tip is at its goal, m; None if the task has no such number."""
+    share = core.task.parameters().get("goal_tolerance")
+    return None if share is None else float(share * core.reach)
 
 
 def write_evaluation(evaluation: EvaluationResult, folder: Path) -> None:
@@ -131,7 +144,7 @@ def write_evaluation(evaluation: EvaluationResult, folder: Path) -> None:
     with replacing(folder / "episodes.csv") as part:
         np.savetxt(
             part, evaluation.episodes, delimiter=",", comments="",
-            header=",".join(EPISODES), fmt=["%d", "%g", "%g", "%.9f", "%.4f", "%g", "%.9f"],
+            header=",".join(run_folder.EPISODES), fmt=["%d", "%g", "%g", "%.9f", "%.4f", "%g", "%.9f"],
         )  # fmt: skip
     run_folder.write_json(folder / "evaluation.json", evaluation.result)
 
@@ -181,28 +194,45 @@ def better(policy: EpisodeEnds, expert: EpisodeEnds, with_efforts: bool = True) 
 
 
 def table_of(result: Mapping[str, Any]) -> Markdown:
-    noun = "episodes" if result["hold_success"] is None else "goals"
+    noun = "episodes" if result["hold_success"] is None else task_of(result["env"]).successes[1]
     return results_table(result, f"{result['episodes']} frozen {noun}", LABELS[result["algo"]])
 
 
 def summary(result: Mapping[str, Any]) -> str:
-    text = f"{LABELS[result['algo']]} on {result['env']}, seed {result['seed']}: {outcome(result)}"
+    return f"{LABELS[result['algo']]} on {result['env']}, seed {result['seed']}, {verdict(result)}"
+
+
+def verdict(result: Mapping[str, Any]) -> str:
+    """What a policy held or returned, beside the expert, and why it failed: sentences, the first one without
+    its subject."""
+    if result["hold_success"] is None:
+        returned = f"returned {result['mean_return']:.1f} on average over {result['episodes']} episodes"
+        texts = [f"{returned}.", untold(result)]
+    else:
+        (held, goals), n = task_of(result["env"]).successes, result["episodes"]
+        low, high = (100 * end for end in result["interval"])
+        count = round(result["hold_success"] * n)
+        texts = [f"{held} {count} of {n} {goals} (95 % interval {low:.1f} to {high:.1f} %)."]
+        if result["expert_hold_success"] is not None:
+            texts.append(compared(result))
+        if count < n:
+            texts.append(misses(result, n - count))
     if refusal := result.get("expert_refusal"):
         expert = expert_name(result["env"])
-        text += f" The policy is compared with nothing, since {expert} refuses its scene: {refusal}."
-    return text
+        texts.append(f"The policy is compared with nothing, since {expert} refuses its scene: {refusal}.")
+    return " ".join(texts)
 
 
-def outcome(result: Mapping[str, Any]) -> str:
-    """What a policy holds or returns, and why it failed, in sentences."""
-    if result["hold_success"] is None:
-        returned = f"mean return {result['mean_return']:.1f} over {result['episodes']} episodes"
-        return f"{returned}. {untold(result)}"
-    low, high = (100 * end for end in result["interval"])
-    held = f"hold success {100 * result['hold_success']:.1f} % of {result['episodes']} episodes"
-    text = f"{held} (95 % interval {low:.1f} to {high:.1f} %)."
-    missed = round((1.0 - result["hold_success"]) * result["episodes"])
-    return f"{text} {misses(result, missed)}" if missed else text
+def compared(result: Mapping[str, Any]) -> str:
+    """How many goals the expert held, and whether that is more or fewer beyond chance, as a sentence."""
+    held, _ = task_of(result["env"]).successes
+    ours, other = (round(result[f"{who}hold_success"] * result["episodes"]) for who in ("", "expert_"))
+    expert, better = expert_name(result["env"]), result["better"].get("hold_success", ...)
+    text = f"{expert[0].upper()}{expert[1:]} {held} {other}"
+    if better is ... or ours == other:
+        return f"{text}{', too' * (ours == other)}."
+    words = {True: ", fewer beyond chance", False: ", more beyond chance", None: "; chance may explain that"}
+    return f"{text}{words[better]}."
 
 
 def untold(result: Mapping[str, Any]) -> str:
@@ -220,7 +250,8 @@ def faults(result: Mapping[str, Any]) -> str:
 
 
 def misses(result: Mapping[str, Any], missed: int) -> str:
-    head = f"Missed {missed} goal{'s' * (missed > 1)}"
+    _, goals = task_of(result["env"]).successes
+    head = f"Missed {missed} {goals if missed > 1 else goals.removesuffix('s')}"
     if result["stopped"] is None:  # an evaluation of an older version
         return f"{head}."
     told = {
@@ -251,14 +282,15 @@ def report(folder: Path, out: Path | None = None, trust: bool = False) -> Path:
     # an exported policy has no learning curve, and a run that was stopped may have none yet
     run = None if run_folder.is_exported(folder) else read_run(folder, stopped=True, evaluation=result)
     if picture := run is not None and len(run.curve):
-        draw_curves(group([run]), out / "plots" / "learning_curve.png")
+        draw_curves(group([run]), out / "plots" / "learning_curve.png", ["steps"])
+    core, episodes = make_sb3(config.env, 1, **config.env_kwargs).core, run_folder.read_episodes(evaluated)
+    draw_outcomes(result, episodes, near_enough(core), out / "plots" / "evaluation.png")
     clip(out / "clip.gif", config.env, act, CLIP_EPISODES, EVALUATION_SEED, **config.env_kwargs)
     target = out / "report.md"
     text = page(
         "report", folder=folder, config=config, result=result, picture=picture,
-        summary=summary(result),
-        scene=run_folder.difference(folder),
-        shown=run_folder.read_facts(folder)["demonstrations"],
+        verdict=verdict(result), success=Markdown(core.task.success_note()),
+        scene=run_folder.difference(folder), facts=run_folder.read_facts(folder),
         again=command("train", folder / "config.yaml"),
         measures=table_of(result),
     )  # fmt: skip

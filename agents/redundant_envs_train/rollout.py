@@ -174,9 +174,14 @@ def expert_act(make: Callable[[Task, Scene], Expert] = expert_of) -> Act:
     return act
 
 
+def task_of(env_id: str) -> type[Task]:
+    """The task of an environment; that of an id that is not registered is the base of all."""
+    return TASKS[IDS[env_id].task] if env_id in IDS else Task
+
+
 def expert_name(env_id: str, entry: str = "expert") -> str:
     """The expert of an environment's task, or its "baseline", in words."""
-    task = TASKS[IDS[env_id].task] if env_id in IDS else Task
+    task = task_of(env_id)
     is_default = getattr(task, entry) == getattr(Task, entry)
     return "computed torque" if is_default else f"the {entry} of {task.name}"
 

@@ -36,9 +36,11 @@ with needs("train"):
     from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 SELECTION = ("env_steps", "seconds", "hold_success", "touch_success", "return")  # columns of selection.csv
+EPISODES = ("seed", "hold", "touch", "distance", "return", "expert_hold", "expert_distance")
+"""Columns of episodes.csv."""
 MOST = 1e15  # largest number of a run: of its steps, seconds and metres
 MAX_CHARACTERS = 200  # most characters of the name of a machine
-LONGEST_ROW = 128  # bytes of a row of selection.csv: fewer than 80 are written
+LONGEST_ROW = 128  # bytes of a row of selection.csv or episodes.csv: fewer than 80 are written
 CHECKPOINT, OLD_CHECKPOINT = "checkpoint", "checkpoint.old"
 """Checkpoint folders inside that of a run; after a kill between two renamings only the old name exists."""
 STATE = "state.pt"  # file that exists only in a complete checkpoint
@@ -188,9 +190,18 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 def read_curve(folder: Path) -> NDArray[np.float64]:
     """selection.csv, (points, len(SELECTION)); there may be no point yet."""
-    path, remedy, columns = folder / "selection.csv", train_again(folder), SELECTION
+    return _read_table(folder / "selection.csv", SELECTION, train_again(folder))
+
+
+def read_episodes(folder: Path) -> NDArray[np.float64]:
+    """episodes.csv, (episodes, len(EPISODES)); NaN for what the task does not tell."""
+    return _read_table(folder / "episodes.csv", EPISODES, evaluate_anew(folder))
+
+
+def _read_table(path: Path, columns: Sequence[str], remedy: str) -> NDArray[np.float64]:
+    """The rows of a table of numbers with these columns; ValueError if there is no such table."""
     if not path.is_file():
-        raise ValueError(f"run folder {folder} has no selection.csv; make it: {remedy}")
+        raise ValueError(f"run folder {path.parent} has no {path.name}; make it: {remedy}")
     try:
         lines = read_lines(path, "table", MAX_EPISODES * LONGEST_ROW)
         head = next(lines, "")

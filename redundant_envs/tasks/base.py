@@ -73,6 +73,8 @@ class Task:
     failures : mapping of str to str, default {}
         Flags of ``info`` that tell why an episode is no success -> words of a report, such as "a link touched
         an obstacle"; the first one that is true counts.
+    successes : (str, str), default ("held", "goals")
+        What a report says of episodes that succeed: "held" so many "goals".
     ends : tuple of str, default ()
         Quantities that end an episode after a step in which one of them is positive (``terminated``).
     angles : mapping of str to (str, str), default {}
@@ -119,6 +121,7 @@ class Task:
     held_outputs: ClassVar[tuple[str, ...]] = ()
     summed: ClassVar[tuple[str, ...]] = ()
     failures: ClassVar[Mapping[str, str]] = {}
+    successes: ClassVar[tuple[str, str]] = ("held", "goals")
     ends: ClassVar[tuple[str, ...]] = ()
     angles: ClassVar[Mapping[str, tuple[str, str]]] = {}
     goal_functions: ClassVar[tuple[Function, ...]] = ()

@@ -134,6 +134,7 @@ class TrackTask(ReachTask):
     flags: ClassVar[tuple[str, ...]] = (*ReachTask.flags, "lost")
     held_outputs: ClassVar[tuple[str, ...]] = (*ReachTask.held_outputs, "lost")
     failures: ClassVar[Mapping[str, str]] = {"lost": "the tip lost the target"}
+    successes = ("followed", "targets")
     angles = {
         "centre_a": ("centre_s", "centre_c"), "tilt_a": ("tilt_sine", "tilt_cosine"),
         "phase": ("phase_s", "phase_c"), "phase_next": ("next_s", "next_c"),

@@ -14,7 +14,7 @@ from short_trainings import SMALL, kill
 from redundant_envs.support import modules
 from redundant_envs.support.disk import write_text
 from redundant_envs_train import report
-from redundant_envs_train.evidence import curves
+from redundant_envs_train.evidence import curves, outcomes
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +26,8 @@ def short_clips(monkeypatch):
 @pytest.fixture
 def no_drawing(monkeypatch):
     """Pictures, which take most of the time of a report, are none; those of ``home`` are not."""
-    monkeypatch.setattr(curves, "save_figure", lambda figure, path, **options: write_text(path, "picture"))
+    for drawn in (curves, outcomes):
+        monkeypatch.setattr(drawn, "save_figure", lambda figure, path, **options: write_text(path, "picture"))
 
 
 @pytest.fixture(autouse=True)

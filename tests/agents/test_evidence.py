@@ -4,13 +4,15 @@ import itertools
 
 import numpy as np
 import pytest
-from run_folders import CURVE, FOUR_R, REFUSALS, csv_rows, says, write_run
+from run_folders import CURVE, FOUR_R, REFUSALS, RPRP, csv_rows, says, write_run
 
 from redundant_envs.scenes.scene import load_scene
 from redundant_envs_train import statistics
-from redundant_envs_train.evidence.curves import MEASURES, curves
+from redundant_envs_train.evidence import outcomes
+from redundant_envs_train.evidence.curves import MEASURES, curves, finding
 from redundant_envs_train.evidence.runs import read_groups, read_run, read_runs, write_runs
 from redundant_envs_train.evidence.table import results_table
+from redundant_envs_train.run_folder import EPISODES
 from redundant_envs_train.statistics import bootstrap, interquartile_mean, run_interval
 
 
@@ -183,6 +185,49 @@ def test_the_csv_holds_what_a_direct_computation_gives(tmp_path):
     for x, row in zip(grid, (row for row in steps if row["axis"] == "seconds"), strict=True):
         values = sorted(np.interp(x, table_[:, 1], table_[:, 2]) for table_ in tables)
         assert [float(row["x"]), float(row["hold_success"])] == pytest.approx([x, np.mean(values[1:-1])])
+
+
+ENDS_LOW = [*CURVE[:2], (3000, 3.5, 0.34, 0.4, 20.0)]
+
+
+@pytest.mark.parametrize(
+    ("curves", "words"),
+    [
+        ({"ppo": CURVE}, "95 % of goals held from 0.003 million steps on"),
+        ({"ppo": [*CURVE, (4000, 4.0, 1.0, 1.0, 80.0)], "sac": CURVE, "td3": ENDS_LOW},
+         "99 % of goals held by PPO from 0.004 million steps on; 98 % by SAC, 34 % by TD3 at the end"),
+        ({"ppo": [(1000, 1.0, 0.9999, 1.0, 1.0)], "sac": [*CURVE[:2], (4000, 4.0, 0.99, 1.0, 1.0)]},
+         "99 % of goals held by PPO from 0.001 million steps on, by SAC from 0.004"),
+        ({"ppo": ENDS_LOW, "sac": [(1000, 1.0, 0.4999, 1.0, 0.0)]},
+         "49.9 % of goals held by SAC, 34 % by PPO at the end"),
+    ],
+)  # fmt: skip
+def test_a_title_says_from_when_on_goals_are_held(curves, words, tmp_path):
+    folders = [write_run(tmp_path / algo, algo=algo, curve=curve) for algo, curve in curves.items()]
+    assert finding(read_groups(folders)) == words
+
+
+@pytest.mark.parametrize(
+    ("held", "words"),
+    [
+        ([1, 1, 1, 1], "4 of 4 goals held: half of the tips end within 1.5 mm"),
+        ([1, 1, 1, 0], "3 of 4 goals held: half of the tips end within 1.5 mm, the missed 1 at 1200 mm"),
+        ([0, 0, 0, 0], "0 of 4 goals held: half of the tips end within 1.5 mm, the missed 4 at 0.5 to "
+         "1200 mm"),
+        ([np.nan] * 4, "Half of the tips end within 1.5 mm"),
+    ],
+)  # fmt: skip
+def test_a_title_says_where_the_tips_end(held, words):
+    episodes = dict.fromkeys(EPISODES, np.zeros(4))
+    episodes |= {"hold": np.array(held), "distance": np.array([0.0005, 0.001, 0.002, 1.234])}
+    assert outcomes.finding({"env": RPRP}, episodes) == words
+    figure = outcomes.figure({"env": RPRP, "algo": "ppo"}, np.column_stack([*episodes.values()]), 0.02)
+    (panel,) = figure.axes
+    assert (panel.get_title(loc="left").replace("\n", " "), panel.get_xlabel()) == (
+        words, "distance of the tip at the end, mm",
+    )  # fmt: skip
+    episodes["distance"] = np.full(4, np.nan)
+    assert outcomes.finding({"env": RPRP}, episodes) == "Half of 4 episodes return at least 0"
 
 
 def test_what_cannot_be_drawn_is_refused(tmp_path):

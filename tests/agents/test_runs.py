@@ -58,8 +58,12 @@ def test_a_run_explains_itself(home, refused):
     assert sum(facts["split"].values()) == pytest.approx(1.0, abs=0.002)
     for name in ("config.yaml", "scene.yaml", "policy.zip", "monitor.csv", "clip.gif", "report.md"):
         assert (folder / name).stat().st_size > 0
-    assert (folder / "plots" / "learning_curve.png").stat().st_size > 1000
-    assert f"{100 * result['hold_success']:.1f} % of 5 episodes" in (folder / "report.md").read_text()
+    verdict, *pictures = (folder / "report.md").read_text().split("\n\n")[1:5]
+    held = round(5 * result["hold_success"])
+    assert verdict.startswith(f"**Verdict.** The policy held {held} of 5 goals (95 % interval ")
+    shown = [folder / picture.partition("(")[2][:-1] for picture in pictures]
+    assert [path.name for path in shown] == ["learning_curve.png", "evaluation.png", "clip.gif"]
+    assert min(path.stat().st_size for path in shown) > 1000
     assert yaml.safe_load((folder / "config.yaml").read_text()) == load(folder / "config.yaml").to_dict()
     refused(["train", "rprp_reach_ppo", "--out", folder], "is not empty")
 
@@ -146,12 +150,21 @@ def test_a_verdict_is_about_all_measures_and_what_differs_beyond_chance():
          "(SPEED_BOUND: 1), in 1 the tip never got there."),
         ({"hold_success": 0.98, "restless": None, "passed": None, "failures": {"the tip left": 18}},
          "Missed 20 goals: in 18 the tip left, in 2 the time ended before."),
+        ({"hold_success": 1.0, "expert_hold_success": 1.0},
+         "seed 0, held 1000 of 1000 goals (95 % interval 99.4 to 100.0 %). Computed torque held 1000, too."),
+        ({"restless": 1, "expert_hold_success": 0.9, "better": {"hold_success": True}},
+         "held 900, fewer beyond chance. Missed 1 goal: the tip arrived but was still moving."),
+        ({"env": RPRP.replace("Reach", "Track"), "hold_success": 0.0, "expert_hold_success": 0.002,
+          "better": {"hold_success": None}, "failures": {"the tip lost the target": 1000}},
+         "followed 0 of 1000 targets (95 % interval 99.4 to 100.0 %). The expert of Track followed 2; chance "
+         "may explain that. Missed 1000 targets: the tip lost the target."),
     ],
 )  # fmt: skip
-def test_a_report_says_why_goals_were_missed(counts, words):
+def test_a_verdict_counts_goals_compares_the_expert_and_says_why_goals_were_missed(counts, words):
     result = {
         "env": RPRP, "algo": "sac", "seed": 0, "episodes": 1000, "hold_success": 0.999,
         "interval": [0.994, 1.0], "restless": 0, "passed": 0, "stopped": 0, "missed_by_both": 0, "faults": {},
+        "expert_hold_success": None, "better": {},
     }  # fmt: skip
     assert summary(result | counts).endswith(words)
 
@@ -163,13 +176,14 @@ def test_what_a_task_does_not_tell_is_said_and_neither_compared_nor_drawn(tmp_pa
     facts |= {"mean_return": -3.0, "metrics": {"highest": 0.87}, "stopped": 0, "better": {}}
     folder = write_run(tmp_path / "run", curve=curve, settings={"curve_episodes": 5}, **facts)
     told = summary(read_evaluation(folder))
-    assert "mean return -3.0 over 1000 episodes." in told
+    assert "seed 0, returned -3.0 on average over 1000 episodes. The task" in told
     assert "| highest | 0.87 | - |" in report.table_of(read_evaluation(folder))
     assert "tells no is_success" in told
     assert "It has no goal, which computed torque needs: the policy is compared with nothing." in told
     out, _ = call("table", folder, "--out", tmp_path / "a.jsonl")
     assert "tells no success: the mean return of PPO is -3." in out
-    assert curves.known_measures(read_groups([tmp_path / "a.jsonl"])) == ["return"]
+    assert curves.known_measures(same := read_groups([tmp_path / "a.jsonl"])) == ["return"]
+    assert curves.finding(same) == "return of PPO from -1 to 7"
     change(folder / "evaluation.json", hold_success=0.5)  # an interval belongs to it
     with says("evaluation.json", "interval is None, and hold_success is 0.5"):
         read_evaluation(folder)
@@ -274,6 +288,8 @@ def test_a_stopped_training_is_a_run_and_goes_on_in_its_own_scene(home, tmp_path
     assert not list(folder.glob("*.part"))
     (tmp_path / "mine.yaml").unlink()
     call("report", folder)  # of the policy so far
+    told = (folder / "report.md").read_text()
+    assert "Its training was stopped after 0.000" in told.split("\n\n")[1]
     assert data(folder)["env_steps"] == data(folder, "training.json")["env_steps"] > 0
     refused(["table", folder], "was stopped")  # half a training is no result
     call("resume", folder)
