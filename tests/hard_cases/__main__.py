@@ -9,12 +9,14 @@ import importlib.util
 import math
 import os
 import sys
+import textwrap
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
 import redundant_envs as rde
+from redundant_envs.support import palette
 from redundant_envs.support.figures import bare, new_figure, save_figure
 from redundant_envs.support.machine import machine_name
 from redundant_envs.support.tables import markdown
@@ -92,45 +94,68 @@ def text(results, machine, date):
 # ---- pictures ---------------------------------------------------------------------------------------------
 
 
+COLOURS = {Subject.name: palette.BLUE, MuJoCo.name: palette.GREY, ImpulseAtStepEnd.name: palette.AMBER}
+"""Of subjects; the only naive variant of a picture has another one."""
+
+
+def look(name):
+    """Label and colour of a line."""
+    return {"label": name, "color": COLOURS.get(name, palette.VERMILION)}
+
+
 def vanishing_masses(axes, with_mujoco):
-    masses = 10.0 ** np.arange(-12.0, 0.5, 0.5)
+    masses, worst = 10.0 ** np.arange(-12.0, 0.5, 0.5), {}
     arms = [rde.FourR((light, light, light, 1.0), (0.5,) * 4) for light in masses]
     for subject in (Subject(), DenseSolve(), *[MuJoCo()] * with_mujoco):
         errors = [Accelerations(arm, *BENT, (0.1,) * 4).error(subject) for arm in arms]
-        axes.loglog(masses, np.maximum(errors, 1e-17), marker=".", label=subject.name)
-    axes.set(xlabel="mass of the first three links, kg (log)", ylabel="error of qdd, relative (log)")
+        axes.loglog(masses, np.maximum(errors, 1e-17), marker=".", **look(subject.name))
+        worst[subject.name] = np.nanmax(errors)
+    axes.set(xlabel="mass of the first three links, kg", ylabel="error of qdd, share of the largest")
+    return "Accelerations are off by up to " + ", ".join(
+        f"{error:.0e} in {name}" for name, error in worst.items()
+    )
 
 
 def fly_by(axes, with_mujoco):
+    ends = []
     for subject, style in ((FixedSteps(), "o-"), (Subject(), ".")):
         points = PARTICLE.points(subject.motion(flying_by(0.01)).q[:, 0])[:, 1]
-        axes.plot(points[:, 0], 1e3 * points[:, 1], style, label=subject.name, markersize=4)
-    axes.plot(0.0, 0.0, "k+", markersize=10, label="base")
+        axes.plot(points[:, 0], 1e3 * points[:, 1], style, markersize=4, **look(subject.name))
+        ends.append(points[-1])
+    axes.plot(0.0, 0.0, "+", color=palette.DARK, markersize=10, label="base")
     axes.set(xlabel="x, m", ylabel="y, mm")
+    return (
+        f"{FixedSteps.name.capitalize()} lead the particle {np.linalg.norm(ends[0] - ends[1]):.2g} m astray"
+    )
 
 
 def chaos(axes, with_mujoco):
-    times = 0.02 * np.arange(1, 1001)
-    for name, tolerance, subject in (
-        ("explicit Euler of 5 ms", 1e-6, ExplicitEuler()),
-        *((x.name, 1e-6, x) for x in [MuJoCo()] * with_mujoco),
-        ("this package, standard", 1e-6, Subject()),
-        ("this package, exact", 1e-12, Subject()),
+    times, off = 0.02 * np.arange(1, 1001), {}
+    for setting, tolerance, subject, style in (
+        (" of 5 ms", 1e-6, ExplicitEuler(), "-"),
+        *(("", 1e-6, x, "-") for x in [MuJoCo()] * with_mujoco),
+        (", standard", 1e-6, Subject(), "-"),
+        (", exact", 1e-12, Subject(), ":"),
     ):
         scene = falling(tolerance=tolerance)
         motion = subject.motion(Run(scene, *STATE_B, 1000))
         total = energy(scene, motion.q[:, 0], motion.qd[:, 0])
-        axes.semilogy(times, np.maximum(np.abs(total[1:] - total[0]), 1e-16), label=name, linewidth=1)
-    axes.set(xlabel="time, s", ylabel="energy error, J (log)", ylim=(1e-15, 1e3))
+        errors, label = np.abs(total[1:] - total[0]), f"{subject.name}{setting}"
+        of_name = {**look(subject.name), "label": label}
+        axes.semilogy(times, np.maximum(errors, 1e-16), style, linewidth=1, **of_name)
+        off[label] = f"{float(f'{np.nanmax(errors):.1g}'):g} J"
+    axes.set(xlabel="time, s", ylabel="energy that came or went, J", ylim=(1e-15, 1e3))
+    return "Of 98 J come or go: " + ", ".join(f"{lost} ({who})" for who, lost in off.items())
 
 
 def five_impacts(axes, with_mujoco):
-    steps = np.array([1e-2, 5e-3, 2.5e-3, 1e-3, 5e-4])
+    steps, gains = np.array([1e-2, 5e-3, 2.5e-3, 1e-3, 5e-4]), {}
     for subject in (FlippedVelocity(), ImpulseAtStepEnd(), Subject()):
         errors, *_ = errors_of_five_impacts(subject, steps)
-        label = "this package, RK4" if type(subject) is Subject else subject.name
-        axes.loglog(1e3 * steps, 1e3 * np.array(errors), marker="o", label=label)
-    axes.set(xlabel="step, ms (log)", ylabel="tip error after 0.5 s, mm (log)")
+        axes.loglog(1e3 * steps, 1e3 * np.array(errors), marker="o", **look(subject.name))
+        gains[subject.name] = (errors[0] / errors[-1]) ** (np.log(2.0) / np.log(steps[0] / steps[-1]))
+    axes.set(xlabel="step of RK4, ms", ylabel="tip error after 0.5 s, mm")
+    return "Half the step divides the error by " + ", ".join(f"{x:.2g} ({who})" for who, x in gains.items())
 
 
 PICTURES = {
@@ -139,7 +164,8 @@ PICTURES = {
     "11": (chaos, "Energy error of the chaotic motion over time"),
     "23": (five_impacts, "Tip error after five impacts over the step"),
 }
-"""Number of a case -> function that draws its picture, whose name is that of the file, and the title."""
+"""Number of a case -> function that draws its picture, whose name is that of the file, and returns the title,
+which states what it shows; and what the picture is of."""
 
 
 def draw_pictures(folder, with_mujoco):
@@ -147,9 +173,10 @@ def draw_pictures(folder, with_mujoco):
     for draw, _ in PICTURES.values():
         figure = new_figure(6.4, 3.6, 120)
         axes = figure.subplots()
-        draw(axes, with_mujoco)
+        title = textwrap.fill(draw(axes, with_mujoco), 80)
+        axes.set_title(title, loc="left", fontsize="small", fontweight="bold")
         bare(axes)
-        axes.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+        figure.legend(frameon=False, fontsize=8, loc="outside lower center", ncols=2)
         save_figure(figure, folder / f"{draw.__name__}.png")
 
 

@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from redundant_envs.support import palette
 from redundant_envs.support.figures import new_figure
 from redundant_envs.verify.promises import at_most
 
@@ -49,5 +50,10 @@ def test_a_picture_of_the_page_is_drawn_again(number):
     pytest.importorskip("matplotlib", reason="pictures need the extra 'plot'")
     draw, _ = page.PICTURES[number]
     axes = new_figure(6.4, 3.6, 120).subplots()
-    draw(axes, False)
-    assert "this package" in " ".join(axes.get_legend_handles_labels()[1])
+    title = draw(axes, False)
+    own = {x.get_color() for x in axes.lines if x.get_label().startswith(Subject.name)}
+    assert own == {palette.BLUE}
+    assert palette.BLUE not in {
+        x.get_color() for x in axes.lines if not x.get_label().startswith(Subject.name)
+    }
+    assert re.search(r"\d", title)
