@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -23,9 +24,9 @@ OURS: dict[str, dict[str, Any]] = {
     "rk8, error-controlled": {"color": palette.VERMILION, "marker": "D"},
 }
 PEERS: dict[str, dict[str, Any]] = {
-    "MuJoCo Euler": {"color": "#888888", "marker": "s", "ls": "-"},
-    "MuJoCo implicitfast": {"color": "#888888", "marker": "x", "ls": ":"},
-    "MuJoCo implicit": {"color": "#888888", "marker": "+", "ls": "--"},
+    "MuJoCo Euler": {"color": palette.GREY, "marker": "s", "ls": "-"},
+    "MuJoCo implicitfast": {"color": palette.GREY, "marker": "x", "ls": ":"},
+    "MuJoCo implicit": {"color": palette.GREY, "marker": "+", "ls": "--"},
     "MuJoCo RK4": {"color": palette.DARK, "marker": "o", "ls": "-"},
     "SciPy RK45": {"color": palette.PINK, "marker": "v", "ls": ":"},
     "SciPy DOP853": {"color": palette.PINK, "marker": "^", "ls": "-"},
@@ -43,7 +44,7 @@ TABLES = "accuracy.csv", "accuracy_long.csv"
 """Files of the rows and of the rows of long motions."""
 WIDTH = 8.0
 TICKS = {1e1: "10 ns", 1e2: "100 ns", 1e3: "1 µs", 1e4: "10 µs", 1e5: "100 µs", 1e6: "1 ms"}
-NOTE: dict[str, Any] = {"fontsize": 7.5, "color": "#555555"}
+NOTE: dict[str, Any] = {"fontsize": 7.5, "color": palette.css(palette.INK)}
 
 
 def read(study: Study, folder: Path) -> list[PanelResult]:
@@ -81,8 +82,8 @@ def work_precision_figure(results: Sequence[PanelResult], control_dt: float) -> 
     figure, axes = _grid(len(results), 3.3)
     for panel, result in zip(axes, results, strict=True):
         panel.set_ylim(1e-13, 1e2)
-        panel.axhspan(1e-13, 1e3 * result.floor, color="#eeeeee", zorder=0)
-        panel.axhline(ENCODER_MM, color="#999999", lw=0.8, zorder=1)
+        panel.axhspan(1e-13, 1e3 * result.floor, color=palette.css(palette.REACH), zorder=0)
+        panel.axhline(ENCODER_MM, color=palette.GREY, lw=0.8, zorder=1)
         _lines(panel, result.rows, lambda row: row["tip_mm_p99"])
         _title(panel, result)
         panel.set_yticks([10.0**k for k in range(-12, 3, 2)])
@@ -90,8 +91,8 @@ def work_precision_figure(results: Sequence[PanelResult], control_dt: float) -> 
         panel.text(2e6, 1.6e-13, "error of the reference itself", ha="right", va="bottom", **NOTE)
         _advantage(panel, result)
     _settings(axes[min(1, len(axes) - 1)], results[min(1, len(axes) - 1)].rows)
-    label = f"tip error after {1e3 * control_dt:g} ms, 99 % of states below [mm, logarithmic]"
-    _finish(figure, axes, label, control_dt, f"\n{ENCODER}")
+    label = f"tip error after {1e3 * control_dt:g} ms, 99 % of states below [mm]"
+    _finish(figure, axes, label, control_dt, f"\n{ENCODER}", advantages(results))
     return figure
 
 
@@ -109,9 +110,30 @@ def energy_figure(results: Sequence[PanelResult], control_dt: float, motions: in
         _lines(panel, rows, lambda row: row["energy_rate_median"])
         _title(panel, result)
         panel.set_yticks([10.0**k for k in range(-16, 1, 4)])
-    label = f"energy error per second, median of {motions} motions [relative, logarithmic]"
-    _finish(figure, axes, label, control_dt)
+    label = f"energy error per second, as a share of what raises the arm [median of {motions} motions]"
+    _finish(figure, axes, label, control_dt, title=drifts(results))
     return figure
+
+
+def advantages(results: Sequence[PanelResult]) -> str:
+    """How many times less time this package takes than MuJoCo for the encoder's error, as a title."""
+    ratios = [ratio for r in results if not math.isnan(ratio := answers(r.rows, [ENCODER_MM])[0].ratio)]
+    if not ratios:
+        return ""
+    times = f"{min(ratios):.0f} to {max(ratios):.0f}" if len(ratios) > 1 else f"{ratios[0]:.0f}"
+    return f"Within the error of an encoder this package is {times} times as fast as MuJoCo"
+
+
+def drifts(results: Sequence[PanelResult]) -> str:
+    """The energy error of the best settings, in the panel where it is largest, as a title."""
+    best: dict[str, list[float]] = {"": [], "mujoco": []}
+    for result, (peer, found) in itertools.product(results, best.items()):
+        rows = [row for row in result.long_rows if row["peer"] == peer and "energy_rate_median" in row]
+        found += [min(row["energy_rate_median"] for row in rows)] if rows else []
+    if not all(best.values()):
+        return ""
+    ours, others = (f"{max(found):.0e}" for found in best.values())
+    return f"The most accurate settings lose {ours} of the energy per second at most, MuJoCo's {others}"
 
 
 def _grid(count: int, height: float) -> tuple[Any, list[Any]]:
@@ -162,12 +184,12 @@ def _settings(panel: Any, rows: Sequence[Row]) -> None:
 
 def _title(panel: Any, result: PanelResult) -> None:
     panel.set_title(literal(result.panel.name), loc="left", fontsize=10.5, fontweight="bold", pad=16)
-    below = {"transform": panel.transAxes, "fontsize": 8.5, "color": "#555555"}
+    below = {"transform": panel.transAxes, "fontsize": 8.5, "color": palette.css(palette.INK)}
     panel.text(0.0, 1.02, literal(result.panel.about), **below)
 
 
-def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str = "") -> None:
-    """Axes, grid, labels with a note below, and one legend for all panels."""
+def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str = "", title: str = "") -> None:
+    """Axes, grid, the title, labels with a note below, and one legend for all panels."""
     for panel in axes:
         panel.set_xscale("log")
         panel.set_yscale("log")
@@ -176,7 +198,7 @@ def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str =
         panel.minorticks_off()
         panel.tick_params(labelsize=8.5, labelbottom=True, length=2)
         bare(panel)
-    figure.supxlabel(f"time of one core for {1e3 * dt:g} ms of one arm [logarithmic]{note}", fontsize=9.5)
+    figure.supxlabel(f"time of one core for {1e3 * dt:g} ms of one arm{note}", fontsize=9.5)
     figure.supylabel(label, fontsize=9.5)
     handles = {h.get_label(): h for panel in axes for h in panel.get_lines() if h.get_label()[0] != "_"}
     blank = axes[0].plot([], [], alpha=0.0)[0]
@@ -190,6 +212,7 @@ def _finish(figure: Any, axes: Sequence[Any], label: str, dt: float, note: str =
     legend = figure.legend(
         *zip(*entries, strict=True), loc="outside upper center", ncols=len(columns), frameon=False,
         fontsize=8.5, columnspacing=3.0, labelspacing=0.25,
+        title=title, title_fontproperties={"weight": "bold", "size": 10.5},
     )  # fmt: skip
     for text in legend.get_texts():
         if text.get_text() in COLUMNS:

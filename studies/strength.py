@@ -43,7 +43,7 @@ POSES: dict[str, Callable[..., Any]] = {EXPERT: pose_at, LIGHTEST: lightest_pose
 """Poses in which the plans of computed torque end."""
 FACTORS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3)  # effort limits, in units of those of the reach scenes
 LEARNERS = ("PPO", "SAC")
-COLORS = {EXPERT: palette.EXPERT, LIGHTEST: "#7F7F7F"} | {who: palette.LEARNERS[who] for who in LEARNERS}
+COLORS = {EXPERT: palette.EXPERT, LIGHTEST: palette.GREY} | {who: palette.LEARNERS[who] for who in LEARNERS}
 """Colours of all controllers and learners; the share that can be held is a grey area."""
 MAX_FACTORS, MAX_FACTOR = 100, 10.0
 SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
@@ -51,7 +51,7 @@ SAME_GOALS = {"scene", "accuracy", "on_bad_action"}
 TRAINED = ("ppo", "sac")
 MARKERS = dict(zip(COLORS, ("o", "v", "s", "^"), strict=True))
 """A marker for each, so that they can be distinguished without colours."""
-AREA = "#D9D9D9"
+AREA = palette.css(palette.GRID)
 
 Key = tuple[str, float, str]  # arm, factor and learner of a row
 
@@ -273,11 +273,25 @@ def strength_table(rows: Sequence[Row]) -> str:
     return markdown(("arm", "limits times", *who), lines)
 
 
+def finding(rows: Sequence[Row]) -> str:
+    """Where the learners hold most goals more than computed torque, of the rows of one arm."""
+    of_factor: dict[float, dict[str, float]] = {}
+    for row in rows:
+        of_factor.setdefault(row.factor, {})[row.who] = 100.0 * row.hold_success
+    both = {f: held for f, held in of_factor.items() if EXPERT in held and held.keys() & {*LEARNERS}}
+    if not both:
+        return ""
+    learned = {f: max((who for who in LEARNERS if who in both[f]), key=both[f].__getitem__) for f in both}
+    most = max(both, key=lambda f: both[f][learned[f]] - both[f][EXPERT])
+    who, held = learned[most], both[most]
+    return f": at {most:g} of the strength {who}\nholds {held[who]:.0f} %, {EXPERT} {held[EXPERT]:.0f} %"
+
+
 def figure(rows: Sequence[Row]) -> Any:
     """A panel for each arm: hold success [%] over the factor of the effort limits; a grey area can be held at
     all."""
     arms = [arm for arm in ARMS if any(row.arm == arm for row in rows)]
-    result = new_figure(4.0 * len(arms) + 0.6, 3.9, 120)
+    result = new_figure(4.0 * len(arms) + 0.6, 4.1, 120)
     panels = result.subplots(1, len(arms), sharey=True, squeeze=False)[0]
     handles: dict[str, Any] = {}
     for panel, arm in zip(panels, arms, strict=True):
@@ -293,10 +307,11 @@ def figure(rows: Sequence[Row]) -> Any:
                 (handles[who],) = panel.plot(x, y, **look)
         factors = sorted({row.factor for row in rows if row.arm == arm})
         panel.set_xticks(factors, [f"{factor:g}" for factor in factors])
-        panel.set_title(arm, loc="left", fontweight="bold")
-        panel.set_xlabel("motor strength (effort limits times ...)")
+        title = f"{arm}{finding([row for row in rows if row.arm == arm])}"
+        panel.set_title(title, loc="left", fontsize="medium", fontweight="bold")
+        panel.set_xlabel("effort limits, as a share of those of the reach scene")
         bare(panel)
-    panels[0].set_ylabel("hold success, %")
+    panels[0].set_ylabel("goals held, %")
     panels[0].set_ylim(0.0, 103.0)
     shown = [who for who in (HOLDABLE, *COLORS) if who in handles]
     result.legend([handles[who] for who in shown], shown, loc="outside lower center", ncols=3, frameon=False)

@@ -49,16 +49,16 @@ ROOT = Path(__file__).resolve().parents[2]
 FIGURES, RESULTS, POLICIES = ROOT / "docs" / "figures", ROOT / "docs" / "results", ROOT / "policies"
 AROUND = POLICIES / "FourRReachAround-v0-sac"
 THUMBNAILS = {
-    "rprp_reach": [("RPRPReach-v0-sac", 4, 18)],
-    "four_r_reach": [("FourRReach-v0-sac", 4, 18)],
-    "two_r_reach": [("TwoRReach-v0", 4, 18)],
+    "rprp_reach": [("RPRPReach-v0-sac", 4, 60)],
+    "four_r_reach": [("FourRReach-v0-sac", 4, 60)],
+    "two_r_reach": [("TwoRReach-v0", 4, 90)],
     "four_r_tasks": [
         ("FourRReachLight-v0", 1, 45), ("FourRReachFault-v0", 1, 60), ("FourRReachAround-v0", 1, 45),
         ("FourRTrack-v0", 1, 120), ("FourRTrackAround-v0", 3, 60),
     ],
 }  # fmt: skip
 """Thumbnail -> its parts, side by side: policy, or id for its expert; seed; steps until the moment."""
-SIDE = 160
+SIDE = 220
 CURVES = {"": "runs", "_weak": "weak", "_baselines": "baselines"}
 """End of a figure's name -> table of runs."""
 SCENES = ("worn_joints", "heavy_payload", "slow_motors", "cheap_sensors", "shop_floor", "everything")
@@ -203,16 +203,18 @@ def scene_picture(name: str) -> Any:
     effects."""
     frequency, kind = FREQUENCY.get(name, 12.0), rde.load_scene(name).robot.kind
     motions = {"ideal": reaching(IDEAL[kind], frequency), "scene": reaching(name, frequency)}
-    made = new_figure(9.0, 2.9)
+    made = new_figure(9.0, 3.2)
     path, turn, distance = made.subplots(1, 3)
     for of, motion in motions.items():
         look = {"color": COLOURS[of], "lw": 1.5, "label": name if of == "scene" else IDEAL[kind]}
         if np.abs(motion["joints"] - motion["shown"]).max() > 1e-5:
-            turn.plot(motion["t"], motion["shown"][:, 2], ".", color="0.55", ms=3, label="as sensors show it")
+            turn.plot(
+                motion["t"], motion["shown"][:, 2], ".", color=palette.GREY, ms=3, label="as sensors show it"
+            )
         path.plot(*motion["tip"].T, **look)
         turn.plot(motion["t"], motion["joints"][:, 2], **look)
         distance.plot(motion["t"], np.linalg.norm(motion["tip"] - REACHED_FOR, axis=1), **look)
-    path.plot(*REACHED_FOR, "+", color="k", ms=10, label="goal")
+    path.plot(*REACHED_FOR, "+", color=palette.DARK, ms=10, label="goal")
     path.set_aspect("equal", adjustable="datalim")
     path.set(xlabel="x of the tip [m]", ylabel="y of the tip [m]")
     turn.set(xlabel="time [s]", ylabel="joint 3 [rad]")
@@ -220,7 +222,11 @@ def scene_picture(name: str) -> Any:
     for panel in (path, turn, distance):
         bare(panel)
     lines = [*turn.lines, path.lines[-1]]
-    made.legend(handles=lines, loc="outside upper center", ncols=4, frameon=False, fontsize=9)
+    made.legend(handles=lines, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    off, ideal = (1e3 * np.linalg.norm(motions[of]["tip"][-1] - REACHED_FOR) for of in ("scene", "ideal"))
+    beside = f"{ideal:.2g}" if ideal >= 0.01 else "less than 0.01"
+    title = f"{name}: after {SECONDS:g} s the tip is {off:.2g} mm from its goal, in {IDEAL[kind]} {beside} mm"
+    made.suptitle(title, x=0.01, ha="left", fontsize="medium", fontweight="bold")
     return made
 
 
@@ -242,9 +248,38 @@ def bill_picture() -> Any:
     names = [f"{name}, {scene.robot.kind}" for name, scene in zip(BILLED, scenes, strict=True)]
     panel.set_yticks(at, names)
     panel.invert_yaxis()
-    panel.set(xlabel="operations of one rk8 step, thousands", title="A scene pays only for what it names")
+    least, most = BILLED[int(left.argmin())], BILLED[int(left.argmax())]
+    title = (
+        f"A scene pays only for what it names: {most} {left.max() / left.min():.1f} times as much as {least}"
+    )
+    panel.set_title(title, loc="right", fontsize="medium", fontweight="bold")
+    panel.set(xlabel="operations of one rk8 step, thousands")
     panel.legend(frameon=False)
     bare(panel)
+    return made
+
+
+def estimates_picture() -> Any:
+    """Errors of single steps over their estimates, of the estimate before and of the one now."""
+    rows = list(csv.DictReader((RESULTS / "estimates.csv").open(encoding="utf-8", newline="")))
+    made = new_figure(8.0, 3.8)
+    for panel, measure in zip(made.subplots(1, 2, sharey=True), ("before", "now"), strict=True):
+        own = [row for row in rows if row["measure"] == measure]
+        estimate, median, most, largest = (
+            [float(row[name]) for row in own] for name in ("estimate", "median", "q999", "largest")
+        )
+        panel.loglog(estimate, estimate, color=palette.DARK, lw=1.2, label="error = estimate")
+        panel.loglog(estimate, largest, "o-", color=palette.BLUE, ms=4, lw=1.2, label="largest error")
+        panel.loglog(estimate, most, "--", color=palette.BLUE, lw=1.2, label="error of one step in 1000")
+        panel.loglog(estimate, median, color=palette.VERMILION, lw=2.2, label="median error")
+        panel.fill_between(estimate, median, most, color=palette.BLUE, alpha=0.15, linewidth=0)
+        beyond, steps = (sum(int(row[name]) for row in own) for name in ("beyond", "steps"))
+        title = f"{measure}: {beyond} of {steps} steps\nexceed their estimate"
+        panel.set_title(title, loc="left", fontsize="medium", fontweight="bold")
+        panel.set(xlabel="estimate of a step, m", ylabel="error of the tip, m")
+        panel.label_outer()
+        bare(panel)
+    made.axes[0].legend(frameon=False, fontsize=8.5)
     return made
 
 
@@ -255,7 +290,11 @@ def rooms_picture() -> Any:
     panel.set(xlim=(-0.55, 4.55), ylim=(-0.6, 0.6))
     panel.axis("off")
     for k, (what, folders) in enumerate(ROOMS.items()):
-        box = {"boxstyle": "round,pad=0.6", "facecolor": "#e8f1f8", "edgecolor": palette.BLUE}
+        box = {
+            "boxstyle": "round,pad=0.6",
+            "facecolor": palette.css(palette.REACH),
+            "edgecolor": palette.BLUE,
+        }
         panel.text(k, 0.0, f"{what}\n\n{folders}", ha="center", va="center", fontsize=9, bbox=box)
         if k:
             arrow = {"arrowstyle": "-|>", "color": "0.3"}
@@ -311,6 +350,7 @@ if __name__ == "__main__":
     write_text(RESULTS / "tried.md", tried_page())
     save_figure(rooms_picture(), FIGURES / "rooms.svg")
     save_figure(bill_picture(), FIGURES / "bill.png")
+    save_figure(estimates_picture(), FIGURES / "estimates.png")
     for name in SCENES:
         save_figure(scene_picture(name), FIGURES / f"scene_{name}.png")
     arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach", "two_r_reach")]

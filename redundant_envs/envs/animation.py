@@ -118,7 +118,8 @@ def energies_figure(motion: Trajectory, name: str) -> Any:
     energy.plot(motion.t, motion.kinetic_energy, color=kinetic, lw=1.4, label="kinetic")
     energy.plot(motion.t, motion.potential_energy, color=potential, lw=1.4, label="potential")
     energy.set_ylabel("energy [J]")
-    energy.set_title(f"{literal(name)}: kinetic and potential energy", loc="left")
+    low, high = (f"{end(motion.kinetic_energy):.3g} J" for end in (np.min, np.max))
+    energy.set_title(f"{literal(name)}: the kinetic energy goes from {low} to {high}", loc="left")
     for k, color in zip(sliders, itertools.cycle(map(palette.css, palette.ARMS[0])), strict=False):
         slider = arm.coordinates[k]
         panels[1].plot(motion.t, motion.q[:, k], color=color, lw=1.4, label=slider)
@@ -142,7 +143,8 @@ def total_figure(motion: Trajectory, name: str) -> Any:
     if float(np.abs(motion.work).max()) > 1e-12 * motion.scale:
         energy.plot(motion.t, motion.balance, color=red, lw=1.4, ls="--", label="total minus work")
     energy.set_ylabel("energy [J]")
-    energy.set_title(f"{literal(name)}: total energy, relative drift {motion.drift:.1e}", loc="left")
+    title = f"{literal(name)}: the total changes by {motion.drift:.1e} of the energy exchanged"
+    energy.set_title(title, loc="left")
     error.plot(motion.t, motion.relative_error, color=red, lw=1.2, label="relative error")
     error.set_ylabel("error / energy\nexchanged [1]")
     error.ticklabel_format(axis="y", style="sci", scilimits=(0, 0), useMathText=True)

@@ -31,6 +31,7 @@ from studies import (
     poses,
     redundancy,
     stops,
+    strength,
     throughput,
 )
 from studies import accuracy_metrics as metrics
@@ -204,6 +205,30 @@ def test_the_study_of_accuracy_writes_its_files_and_draws_its_figures_again(tmp_
     before = {path: path.read_bytes() for path in files if path.suffix == ".png"}
     accuracy_plots.save_figures(accuracy_plots.read(study, tmp_path), study, tmp_path)
     assert {path: path.read_bytes() for path in before} == before
+
+
+def test_titles_state_what_the_numbers_say():
+    held = {"computed torque": (1.0, 0.2), "PPO": (0.9, 0.5), "SAC": (0.8, 0.6)}
+    table = [
+        strength.Row("4R", factor, who, rate, 0.0, 1.0, None, 0, 10)
+        for who, rates in held.items()
+        for factor, rate in zip((1.0, 0.3), rates, strict=True)
+    ]
+    assert strength.finding(table) == ": at 0.3 of the strength SAC\nholds 60 %, computed torque 20 %"
+    assert strength.finding(table[:2]) == ""
+    bought = {("Track", "4R", "expert"): 99.0, ("Track", "4R", "nearest pose"): 98.0}
+    bought |= {("ReachLight", "2R", "expert"): 30.0, ("ReachLight", "2R", "nearest pose"): 20.0}
+    said = "In ReachLight 2R succeeds in 30 % by its null space, in 20 % from the nearest pose"
+    assert redundancy.finding(bought) == said
+    cheap, dear = ({"ns_best": ns, "tip_mm_p99": 1e-3, "energy_rate_median": ns} for ns in (2.0, 84.0))
+    lines = [{**cheap, "peer": ""}, {**dear, "peer": "mujoco"}]
+    panels = [accuracy.PanelResult(None, rows, rows, 0.0) for rows in (lines, [*lines, lines[1]])]
+    said = "Within the error of an encoder this package is 42 times as fast as MuJoCo"
+    assert accuracy_plots.advantages(panels[:1]) == said
+    assert accuracy_plots.advantages([accuracy.PanelResult(None, lines[:1], [], 0.0)]) == ""
+    assert accuracy_plots.drifts(panels).endswith(
+        "lose 2e+00 of the energy per second at most, MuJoCo's 8e+01"
+    )
 
 
 def test_the_study_of_accuracy_runs_without_peers(monkeypatch):
