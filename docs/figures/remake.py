@@ -35,6 +35,7 @@ from redundant_envs_train.policies import load_policy
 from redundant_envs_train.rollout import expert_act, policy_act, run_episodes, stacked
 from redundant_envs_train.run_folder import own_config
 from studies import redundancy
+from studies import results as success_rates
 from studies.__main__ import main
 from studies.poses import poses_table
 from studies.strength import figure, read_rows
@@ -348,6 +349,7 @@ if __name__ == "__main__":
     bought = redundancy.figure(rows, redundancy.learned([RESULTS / "redundancy_runs.jsonl"]))
     save_figure(bought, FIGURES / "redundancy.png")
     write_text(RESULTS / "tried.md", tried_page())
+    write_text(RESULTS / "README.md", success_rates.page())
     save_figure(rooms_picture(), FIGURES / "rooms.svg")
     save_figure(bill_picture(), FIGURES / "bill.png")
     save_figure(estimates_picture(), FIGURES / "estimates.png")

@@ -21,7 +21,7 @@ SECTIONS = {
     ],
     "Results": [
         "accuracy", "results/accuracy/accuracy", "speed", "redundancy", "results/tried", "strength",
-        "results/policy/report", "hard_cases", "energy", "fuzzing", "mutation", "gallery",
+        "results/README", "results/policy/report", "hard_cases", "energy", "fuzzing", "mutation", "gallery",
     ],
 }  # fmt: skip
 """Sections of the site, and their pages in order."""

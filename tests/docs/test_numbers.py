@@ -14,6 +14,7 @@ from redundant_envs.scenes.scene import ACCURACIES
 from redundant_envs.tasks import REGISTRY as TASKS
 from redundant_envs_train.evidence.runs import read_runs
 from redundant_envs_train.evidence.table import results_table
+from studies import results
 from studies import strength as strength_run
 from studies.environments import tasks_table
 from studies.ilqr import ilqr_table
@@ -85,6 +86,19 @@ def test_the_tables_of_learners_are_made_from_the_tables_of_runs(name, source):
     assert remake["brief_table"]([RESULTS / "redundancy_runs.jsonl"]) in page("redundancy")
     assert remake["brief_table"]([RESULTS / "baselines.jsonl"]) in page("learners")
     assert remake["readme_table"]() in text(README)
+
+
+@pytest.mark.parametrize("name", ["learners", "redundancy", "strength", "action_modes", "README"])
+def test_the_intervals_of_all_tables_are_on_the_page_of_results_that_pages_name(name):
+    assert "results/README.md" in (text(README) if name == "README" else page(name))
+    if name == "README":
+        assert results.page() == page("results/README"), "run python -m studies.results"
+
+
+def test_a_rate_has_the_interval_of_its_goals_and_is_below_100_percent_unless_all_are_held():
+    assert results.cell(0.5, 1000) == "50.0 % [46.9 to 53.1]"
+    assert results.cell(0.9995, 1000).startswith("99.9 % [")
+    assert results.cell(1.0, 20) == "100.0 % [83.9 to 100.0]"
 
 
 def test_the_table_of_strengths_is_what_the_study_wrote():
