@@ -115,6 +115,10 @@ def parser() -> argparse.ArgumentParser:
     p = study(policy, "policy", "effect of the physics on a policy, and training under the cheapest")
     p.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="such as train_seeds=0")
     configured(p, "policy")
+    p.add_argument(
+        "--redraw", type=Path, metavar="FOLDER",
+        help="instead, write the figures and the page of an earlier run again, from its tables",
+    )  # fmt: skip
     trusted(p)
     continued(p, "policy")
     p = study(strength, "strength", "where learning pays: hold success over the strength of the motors")
@@ -196,9 +200,13 @@ def policy(options: argparse.Namespace) -> None:
     from studies.policy.settings import load_study
 
     study = load_study(_config(options), options.overrides)
-    from studies.policy.report import write_report
+    from studies.policy.report import rewrite_report, write_report
     from studies.policy.run import run_study
 
+    if options.redraw:
+        check_plain(options.redraw)
+        say(rewrite_report(options.redraw))
+        return
     try:
         results = run_study(study, options.out, options.trust)
     except KeyboardInterrupt:

@@ -358,4 +358,5 @@ if __name__ == "__main__":
     arms = [rde.load_scene(name) for name in ("rprp_reach", "four_r_reach", "two_r_reach")]
     pictures = [drawn.schematic(scene.robot, stated_limits(scene)) for scene in arms]
     write_text(FIGURES / "arms.svg", side_by_side(pictures))
-    main(["accuracy", "--redraw", str(RESULTS / "accuracy")])
+    for study in ("accuracy", "policy"):
+        main([study, "--redraw", str(RESULTS / study)])

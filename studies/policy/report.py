@@ -1,12 +1,15 @@
 """Folder of a policy study: tables, figures, scenes and report.md."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import numpy as np
 import yaml
 
+from redundant_envs.support.bounded import read_rows
 from redundant_envs.support.disk import replacing, write_text
 from redundant_envs.support.figures import bare, literal, new_figure, save_figure
 from redundant_envs.support.tables import write_rows
@@ -16,7 +19,7 @@ from redundant_envs_train.pages import page
 from . import words
 from .episodes import TIMING_REPEATS
 from .run import STYLE, ArmResult, Row, stamp
-from .settings import Study, slug
+from .settings import Study, load_study, slug
 from .words import LOOKS, Difference, hold_difference, percent, reference_of, return_difference, signed
 
 
@@ -35,8 +38,45 @@ def write_report(study: Study, results: Sequence[ArmResult], folder: Path) -> Pa
         _write(folder / "training_differences.csv", differences, about)
     for result in results:
         _write_episodes(folder / f"episodes_{slug(result.name)}.csv", result, study, about)
+    return _write_page(study, results, about, folder, ("svg", "png"))
+
+
+def rewrite_report(folder: Path) -> Path:
+    """Write the figures that are PNG and report.md of a study again, from its study.yaml and its tables;
+    ValueError for another folder."""
+    study = load_study(folder / "study.yaml")
+    try:
+        tables = [_read(folder / f"{name}.csv") for name in ("physics", "training", "training_differences")]
+        about = {name: tables[0][0][name] for name in stamp()}
+        results = []
+        for name in study.arms:
+            rows, trained, differences = ([row for row in table if row["arm"] == name] for table in tables)
+            training = {row["measure"]: row for row in differences}
+            results.append(ArmResult(name, rows[0]["env"], rows[0]["policy"], rows, {}, trained, training))
+        return _write_page(study, results, about, folder, ["png"])
+    except (LookupError, TypeError, StopIteration, jinja2.UndefinedError) as error:
+        fix = "give a folder that the policy study wrote"
+        raise ValueError(f"a table in {folder} is missing or damaged ({error!r}); {fix}") from error
+
+
+def _read(path: Path) -> list[Row]:
+    """Rows of a table with its numbers; none if the study has no such table."""
+    rows = [*read_rows(path, "table")] if path.is_file() else []
+    return [{name: _typed(name, cell) for name, cell in row.items()} for row in rows]
+
+
+def _typed(name: str, cell: str) -> Any:
+    if name in stamp() or not re.fullmatch(r"[-+.e\d]+", cell):
+        return cell
+    return int(cell) if cell.isdigit() else float(cell)
+
+
+def _write_page(
+    study: Study, results: Sequence[ArmResult], about: Mapping[str, str], folder: Path, kinds: Sequence[str]
+) -> Path:
+    for result in results:
         drawn = figure(result, study, about)
-        for kind in ("svg", "png"):
+        for kind in kinds:
             save_figure(drawn, folder / "figures" / f"{slug(result.name)}.{kind}", dpi=150)
     target = folder / "report.md"
     text = page(
@@ -77,7 +117,7 @@ def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
     panels = drawn.subplots(1, 2, sharey=True)
     holds = [hold_difference(row, study) for row in rows]
     returns = [return_difference(row, study, reference) for row in rows]
-    _draw(panels[0], f"hold success minus {literal(study.reference)}, points", holds)
+    _draw(panels[0], f"goals held minus {literal(study.reference)}, of a hundred", holds)
     _draw(panels[1], f"mean return minus {literal(study.reference)}", returns)
     names = [f"{row['physics']}\n{percent(row['hold_success'])} held" for row in rows]
     panels[0].set_yticks(range(len(rows)), map(literal, names))
@@ -93,13 +133,17 @@ def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
     ]
     handles.append(Patch(color="0.92", label="margin"))
     drawn.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    drawn.suptitle(
+        literal(f"{result.name}: {words.finding(result.rows, study)}"), fontsize=10, fontweight="bold",
+        x=0.01, ha="left",
+    )  # fmt: skip
     title = (
-        f"{result.name}: one policy, {reference['episodes']} paired episodes, 95 % bootstrap intervals\n"
+        f"One policy, {reference['episodes']} paired episodes, 95 % bootstrap intervals; "
         f"{study.reference}: {percent(reference['hold_success'])} held, mean return "
         f"{reference['mean_return']:.2f}\n"
         f"{about['machine']}, {about['date']}, commit {about['commit'] or 'unknown'}"
     )
-    drawn.suptitle(literal(title), fontsize=9, x=0.01, ha="left")
+    panels[0].set_title(literal(title), fontsize=8, loc="left")
     return drawn
 
 

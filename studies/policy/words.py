@@ -86,6 +86,30 @@ def training_difference(row: Mapping[str, Any], study: Study) -> Difference:
     return Difference(value, low, high, margin, row["policies_each"] < FEW and row["permutation_p"] > 0.05)
 
 
+def finding(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
+    """Which physics make a difference to the reference, in a sentence without its point."""
+    reference, of_verdict = reference_of(rows, study), dict[str, list[str]]()
+    for row in (row for row in rows if row is not reference):
+        both = hold_difference(row, study), return_difference(row, study, reference)
+        for verdict in {difference.verdict for difference in both}:
+            of_verdict.setdefault(verdict, []).append(row["physics"])
+    large, unsettled = of_verdict.get(LARGE, []), of_verdict.get(OPEN, [])
+    parts = [f"{', '.join(large)} {'makes' if len(large) == 1 else 'make'} a difference"] * bool(large)
+    parts += [f"{', '.join(unsettled)} may make a difference"] * bool(unsettled)
+    return f"{' and '.join(parts) or 'no physics makes a difference beyond the margins'} to {study.reference}"
+
+
+def verdict(results: Sequence[Any], study: Study) -> str:
+    """What the physics costs the policies of all arms, in sentences."""
+    sentences = [f"{arm.name}: {finding(arm.rows, study)}." for arm in results]
+    for arm in (arm for arm in results if arm.training):
+        found = training_difference(arm.training["hold_success"], study)
+        trained = f"Training under {study.arms[arm.name].cheap} changes what {arm.name} holds under"
+        what = f"{trained} {study.reference} by {found.text} points"
+        sentences.append(f"{what}: {LOOKS[found.verdict][2]}.")
+    return " ".join(sentences)
+
+
 def conclusion(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
     """Which physics make a difference to this policy, and which do not."""
     reference = reference_of(rows, study)
@@ -101,4 +125,4 @@ def conclusion(rows: Sequence[Mapping[str, Any]], study: Study) -> str:
         lines.append(f"{what} against {study.reference}: {'; '.join(texts)}.")
     if reference["hold_success"] == 0.0:
         lines.append("This policy holds nothing: judge by one that does.")
-    return "\n\n".join(lines)
+    return " ".join(lines)

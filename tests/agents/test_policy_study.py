@@ -1,11 +1,12 @@
 """The policy study: pairs, intervals, sentences that agree with its numbers, and small studies."""
 
 import dataclasses
+import shutil
 
 import numpy as np
 import pytest
 import yaml
-from run_folders import POLICIES, REFUSALS, csv_rows, says
+from run_folders import POLICIES, REFUSALS, ROOT, csv_rows, says
 
 from redundant_envs.scenes.scene import load_scene
 from redundant_envs_train.config import load
@@ -92,7 +93,8 @@ def row(physics, hold, gain, **more):
 ZERO = (0.0, 0.0, 0.0)
 REFERENCE = row("exact", ZERO, ZERO)
 SAME = row("rk8", (-0.002, -0.006, 0.002), (0.01, -0.02, 0.04))
-WORSE = row("euler", (-0.3, -0.33, -0.27), (-20.0, -22.0, -18.0), ended=250, numerics="SPEED_BOUND 250")
+WORSE_BOTH = (-0.3, -0.33, -0.27), (-20.0, -22.0, -18.0)
+WORSE = row("euler", *WORSE_BOTH, ended=250, numerics="SPEED_BOUND 250")
 FEW = row("rk4", (-0.005, -0.01, -0.001), ZERO, sign_test_p=0.0625)
 TOLD = [
     (SAME, "none", "-0.2 (-0.6 to +0.2)", "none"), (WORSE, "large", "-30 (-33 to -27)", "large"),
@@ -121,6 +123,36 @@ def small(folder, arm, **more):
     data = {"episodes": 20, "resamples": 200, "physics": physics, "arms": arms, "train_seeds": 0, **more}
     (folder / "study.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
     return ["study", "policy", "--config", folder / "study.yaml", "--out", folder / "out"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([SAME], "no physics makes a difference beyond the margins to exact"),
+        ([SAME, WORSE], "euler makes a difference to exact"),
+        ([WORSE, row("rk2", *WORSE_BOTH), row("rk4", (0.0, -0.02, 0.02), ZERO)],
+         "euler, rk2 make a difference and rk4 may make a difference to exact"),
+    ],
+)  # fmt: skip
+def test_a_title_names_the_physics_that_make_a_difference(rows, said):
+    assert words.finding([*rows, REFERENCE], STUDY) == said
+
+
+def test_the_report_of_the_docs_is_made_again_from_its_tables(tmp_path, call, refused):
+    (copy := tmp_path / "policy").mkdir()
+    for file in (ROOT / "docs" / "results" / "policy").glob("*.*"):
+        shutil.copy(file, copy)
+    (copy / "report.md").unlink()
+    call("study", "policy", "--redraw", copy)
+    written = (copy / "report.md").read_text()
+    assert written == (ROOT / "docs" / "results" / "policy" / "report.md").read_text()
+    assert written.split("\n\n")[1].startswith(
+        "**Verdict.** RPRP: euler 20 ms makes a difference to exact. 4R: "
+    )
+    assert (copy / "figures" / "rprp.png").stat().st_size > 1000
+    for damage in ("arm,env\nRPRP,a\n", ""):
+        (copy / "physics.csv").write_text(damage)
+        refused(["study", "policy", "--redraw", copy], "is missing or damaged", "the policy study wrote")
 
 
 @pytest.mark.long
