@@ -298,7 +298,7 @@ def rooms_picture() -> Any:
         }
         panel.text(k, 0.0, f"{what}\n\n{folders}", ha="center", va="center", fontsize=9, bbox=box)
         if k:
-            arrow = {"arrowstyle": "-|>", "color": "0.3"}
+            arrow = {"arrowstyle": "-|>", "color": palette.DARK}
             panel.annotate("", (k - 0.4, 0.0), (k - 0.6, 0.0), arrowprops=arrow)
     return made
 

@@ -143,7 +143,7 @@ def total_figure(motion: Trajectory, name: str) -> Any:
     if float(np.abs(motion.work).max()) > 1e-12 * motion.scale:
         energy.plot(motion.t, motion.balance, color=red, lw=1.4, ls="--", label="total minus work")
     energy.set_ylabel("energy [J]")
-    title = f"{literal(name)}: the total changes by {motion.drift:.1e} of the energy exchanged"
+    title = f"{literal(name)}: the total drifts by {motion.drift:.1e}, relative"
     energy.set_title(title, loc="left")
     error.plot(motion.t, motion.relative_error, color=red, lw=1.2, label="relative error")
     error.set_ylabel("error / energy\nexchanged [1]")

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from redundant_envs.support import palette
 from redundant_envs.support.disk import replacing, write_bytes
 from redundant_envs.support.extras import needs
 from redundant_envs.support.values import printable
@@ -30,7 +31,7 @@ def literal(text: str) -> str:
 
 def bare(panel: Any) -> None:
     """Axes with a grid behind the curves, and lines below and on the left only."""
-    panel.grid(color="0.9", linewidth=0.7)
+    panel.grid(color=palette.css(palette.REACH), linewidth=0.7)
     panel.set_axisbelow(True)
     panel.spines[["top", "right"]].set_visible(False)
 

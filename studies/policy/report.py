@@ -9,6 +9,7 @@ import jinja2
 import numpy as np
 import yaml
 
+from redundant_envs.support import palette
 from redundant_envs.support.bounded import read_rows
 from redundant_envs.support.disk import replacing, write_text
 from redundant_envs.support.figures import bare, literal, new_figure, save_figure
@@ -131,7 +132,7 @@ def figure(result: ArmResult, study: Study, about: Mapping[str, str]) -> Any:
         for key, (color, marker, text) in LOOKS.items()
         if key in seen
     ]
-    handles.append(Patch(color="0.92", label="margin"))
+    handles.append(Patch(color=palette.css(palette.REACH), label="margin"))
     drawn.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     drawn.suptitle(
         literal(f"{result.name}: {words.finding(result.rows, study)}"), fontsize=10, fontweight="bold",
@@ -151,8 +152,8 @@ def _draw(panel: Any, label: str, differences: Sequence[Difference]) -> None:
     """Intervals below each other, and the margin."""
     margin = max((d.margin for d in differences), default=1.0)
     widest = max((abs(end) for d in differences for end in (d.low, d.high)), default=0.0)
-    panel.axvspan(-margin, margin, color="0.92", lw=0)
-    panel.axvline(0.0, color="0.4", lw=0.8)
+    panel.axvspan(-margin, margin, color=palette.css(palette.REACH), lw=0)
+    panel.axvline(0.0, color=palette.GREY, lw=0.8)
     for y, d in enumerate(differences):
         color, marker, _ = LOOKS[d.verdict]
         panel.plot([d.low, d.high], [y, y], color=color, lw=2.0, solid_capstyle="butt")

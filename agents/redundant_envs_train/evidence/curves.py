@@ -162,11 +162,13 @@ def draw(groups: Sequence[Group], axes: Sequence[str] = tuple(AXES)) -> Any:
     explained: list[Any] = []
     if any(len(same.runs) > 1 for same in groups):
         explained = [
-            Line2D([], [], color="0.4", linewidth=2.2, label="interquartile mean"),
-            Line2D([], [], color="0.4", alpha=0.5, linewidth=0.6, label="one seed"),
+            Line2D([], [], color=palette.GREY, linewidth=2.2, label="interquartile mean"),
+            Line2D([], [], color=palette.GREY, alpha=0.5, linewidth=0.6, label="one seed"),
         ]
     if any(len(same.runs) >= MIN_RUNS for same in groups):
-        explained.append(Patch(color="0.4", alpha=0.25, linewidth=0, label="95 % interval of the mean"))
+        explained.append(
+            Patch(color=palette.GREY, alpha=0.25, linewidth=0, label="95 % interval of the mean")
+        )
     titles = list(dict.fromkeys(same.title for same in groups))
     looks = _looks(groups)
     figure = new_figure(11.0, len(titles) * (2.4 * len(axes) + 0.95), 120)
@@ -180,8 +182,8 @@ def draw(groups: Sequence[Group], axes: Sequence[str] = tuple(AXES)) -> Any:
                 for same in shown:
                     _draw_group(panel, name, axis, same, looks[same.learner])
                 _finish(panel, name, axis, shown)
-        found = textwrap.fill(f"{title}: {finding(shown)}", LINE)
-        part.suptitle(literal(found), fontweight="bold", fontsize="medium")
+        found = literal(f"{title}: {finding(shown)}").replace(" %", "\N{NO-BREAK SPACE}%")
+        part.suptitle(textwrap.fill(found, LINE), fontweight="bold", fontsize="medium")
         handles, labels = panels[0, 0].get_legend_handles_labels()
         named = [*dict(zip(labels, handles, strict=True)).values(), *explained]
         columns = 6 if max(map(len, labels)) < LONG else 2
