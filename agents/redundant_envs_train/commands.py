@@ -280,7 +280,10 @@ def play(
     trust: Trust = False,
     force: Force = False,
 ) -> None:
-    """Watch a run folder's policy, or an id without one."""
+    """Watch a run folder's policy, or an id without one.
+
+    In the window space pauses, the right arrow makes one step, and up and down double and halve the speed.
+    """
     if clip is not None:
         check_kept([clip], force, [Path(target)])
     from .play import play

@@ -144,13 +144,13 @@ class ArmEnv(EnvBase, gym.Env[Any, Any]):
     def _show(self) -> None:
         """Record the position of the tip for its trail; in the mode "human", show the picture."""
         self._see(self._lane.outputs.lanes(slice(1)))
-        if self.render_mode == "human":
+        if self.render_mode == "human" and self._renderer.is_due():
             self._renderer.show(self._drawn()[0])
 
     @first
     def render(self) -> NDArray[np.uint8] | None:
         """A picture, (height, width, 3) uint8; None without a render mode and in the mode "human", which
-        shows the picture in a window, that of every step without a call."""
+        shows the picture in a window, that of every step without a call, and waits while it is paused."""
         if self.render_mode is None:
             gym.logger.warn("render was called without a render_mode; make(..., render_mode='rgb_array')")
             return None

@@ -4,6 +4,8 @@ import itertools
 import os
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +14,7 @@ from numpy.typing import NDArray
 
 from redundant_envs.effects import CentringSpring, Effect, PointMass, shapes
 from redundant_envs.envs.arguments import reach_of
-from redundant_envs.envs.canvas import MARGIN, SIZE, Canvas, Pair, Points
+from redundant_envs.envs.canvas import MARGIN, SIZE, SMALL_LETTERS, Canvas, Pair, Points
 from redundant_envs.envs.core import Core
 from redundant_envs.model import parameters
 from redundant_envs.robots.arm import Arm
@@ -34,6 +36,9 @@ NO_DISPLAY = (
 )
 CHOICES = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 """Variables with which a user chooses a driver, such as "dummy", that may have no display."""
+FACTORS = dict.fromkeys(("up", "+", "=", "[+]"), 2.0) | dict.fromkeys(("down", "-", "[-]"), 0.5)
+"""Of the speed of the window, by the names that pygame gives keys; those of the number pad have brackets."""
+FASTEST = 8.0  # speed of the window; its inverse is the slowest
 
 
 def draw_links(canvas: Canvas, pose: shapes.Pose, travel: Mapping[int, Pair]) -> None:
@@ -211,11 +216,51 @@ class NoDisplay(Error, OSError):
     """There is no display to open a window on."""
 
 
+@dataclass
+class Pace:
+    """What the keys of the window have set: its speed, 1 in real time, and whether it is paused."""
+
+    speed: float = 1.0
+    paused: bool = False
+    steps: int = 0  # that were asked for and are not yet made
+
+    def goes_on(self, pygame: Any) -> bool:
+        """Whether the next picture may come, after the keys that were pressed; a window that was asked to
+        close does not pause. Other keys, and that request, stay in the queue for programs that read them."""
+        for event in pygame.event.get(pygame.KEYDOWN):
+            key = pygame.key.name(event.key)
+            if key == "space":
+                self.paused = not self.paused
+            elif key == "right":
+                self.steps += 1
+            elif key in FACTORS:
+                self.speed = min(max(self.speed * FACTORS[key], 1.0 / FASTEST), FASTEST)
+            else:
+                pygame.event.post(event)
+        if pygame.event.peek(pygame.QUIT):
+            self.paused = False
+        if self.steps:
+            self.steps -= 1
+            return True
+        return not self.paused
+
+    def written(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The picture with pause and speed in its lower right corner; itself in real time."""
+        words = ["paused"] * self.paused + [f"speed {Fraction(self.speed)}"] * (self.speed != 1.0)
+        if not words:
+            return picture
+        canvas = Canvas(1.0, picture.copy())
+        line = " - ".join(words)
+        canvas.text(line, MARGIN, -MARGIN - SMALL_LETTERS, palette.INK, SMALL_LETTERS, from_right=True)
+        return canvas.pixels
+
+
 class Renderer:
     """Draws the lanes of a core and keeps the trails of their tips, one point for each control step."""
 
     _shown: ClassVar[set["Renderer"]] = set()
     """Those that share the one window of a process, which closes with the last of them."""
+    _pace: ClassVar[Pace] = Pace()
 
     def __init__(self, core: Core, width: int = SIZE, height: int = SIZE) -> None:
         self.core = core
@@ -224,6 +269,7 @@ class Renderer:
         self._count = np.zeros(core.num_envs, dtype=int)
         self._last = np.full(core.num_envs, -1.0)
         self._pygame: Any = None  # once it is shown
+        self._unseen = 0  # steps since the last that the window was due to show
 
     def clear(self) -> None:
         """Forget all trails."""
@@ -293,25 +339,37 @@ class Renderer:
                 canvas.text(held, MARGIN, MARGIN, palette.GOAL if success else palette.FAINT, from_right=True)
         return canvas.pixels
 
+    def is_due(self) -> bool:
+        """Whether the window shows a step: each, but one of 2, 4 or 8 at so many times the speed."""
+        self._unseen += 1
+        if self._unseen < self._pace.speed and not self._pace.paused:
+            return False
+        self._unseen = 0
+        return True
+
     def show(self, picture: NDArray[np.uint8]) -> None:
-        """Show a picture in the window, a control step after the last."""
+        """Show a picture in the window, a control step after the last; during a pause, until a key asks for
+        the next."""
         if self._pygame is None:
             self._pygame = display()
             self._clock = self._pygame.time.Clock()
             self._shown.add(self)
-        pygame, size = self._pygame, (picture.shape[1], picture.shape[0])
+        pygame, pace, size = self._pygame, self._pace, (picture.shape[1], picture.shape[0])
         screen = pygame.display.get_surface()
         if screen is None or screen.get_size() != size:  # as after another one has closed it
             display().display.set_caption("redundant-envs")
             screen = pygame.display.set_mode(size)
-        pygame.surfarray.blit_array(screen, picture.swapaxes(0, 1))
-        pygame.event.pump()
-        self._clock.tick(self.core.frames_per_second)
-        pygame.display.flip()
+        goes_on = False
+        while not goes_on:
+            goes_on = pace.goes_on(pygame)
+            pygame.surfarray.blit_array(screen, pace.written(picture).swapaxes(0, 1))
+            self._clock.tick(self.core.frames_per_second * min(pace.speed, 1.0))
+            pygame.display.flip()
 
     def close(self) -> None:
         """Close the window if no other environment is shown in it."""
         self._shown.discard(self)
         if self._pygame is not None and not self._shown:
             self._pygame.display.quit()
+            Renderer._pace = Pace()
         self._pygame = None

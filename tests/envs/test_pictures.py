@@ -5,6 +5,7 @@ import copy
 import dataclasses
 import itertools
 import sys
+import types
 import warnings
 from pathlib import Path
 
@@ -88,6 +89,58 @@ def test_two_environments_share_the_window_and_the_last_one_closes_it():
     assert pygame.surfarray.array3d(pygame.display.get_surface()).any()
     other.close()
     assert pygame.display.get_surface() is None
+
+
+def test_keys_pause_the_window_make_single_steps_and_set_its_speed(monkeypatch):
+    pygame = pytest.importorskip("pygame", reason="a window needs the extra 'human'")
+    env, rates, texts = made("single", ID, render_mode="human"), [], []
+    env.reset(seed=0)
+
+    def press(*keys):
+        for key in keys:
+            pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.key.key_code(key)))
+
+    def tick(rate):
+        """Of a clock that does not wait: a pause asks for a step after three pictures."""
+        rates.append(rate)
+        assert len(rates) < 9
+        if len(rates) == 3:
+            press("right")
+
+    env._renderer._clock = types.SimpleNamespace(tick=tick)
+    monkeypatch.setattr(Canvas, "text", lambda self, text, *more, **kw: texts.append(text))
+    for keys, steps, expected, line in (
+        (["up"], 1, [50.0], "speed 2"),
+        (["right"], 4, [50.0] * 2, "speed 2"),
+        (["-", "-"], 2, [25.0], "speed 1/2"),
+        (["down"] * 9, 1, [6.25], "speed 1/8"),
+        (["+", "+", "="], 1, [50.0], ""),
+        (["[+]"] * 9, 1, [50.0], "speed 8"),
+        ([], 16, [50.0] * 2, "speed 8"),
+        (["[-]"] * 3, 8, [50.0], ""),
+        (["space"], 1, [50.0] * 4, "paused"),
+        (["right", "right"], 2, [50.0] * 2, "paused"),
+        (["down", "right"], 1, [25.0], "paused - speed 1/2"),
+        (["up", "up", "up", "right"], 1, [50.0], "paused - speed 4"),
+        (["right"], 1, [50.0], "paused - speed 4"),
+        (["space", "-", "-", "-"], 1, [25.0], "speed 1/2"),
+    ):
+        rates.clear()
+        texts.clear()
+        press(*keys)
+        for action in actions(env, steps):
+            env.step(action)
+        assert rates == expected, keys
+        assert "".join(text for text in texts[-1:] if text.startswith(("paused", "speed"))) == line
+    press("space", "escape")
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    rates.clear()
+    env.step(actions(env, 1)[0])  # which a window that was asked to close does not hold up
+    assert (rates, texts[-1]) == ([25.0], "speed 1/2")
+    left = [(x.type, getattr(x, "key", None)) for x in pygame.event.get((pygame.KEYDOWN, pygame.QUIT))]
+    assert left == [(pygame.KEYDOWN, pygame.K_ESCAPE), (pygame.QUIT, None)]
+    env.close()
+    assert rendering.Renderer._pace == rendering.Pace()
 
 
 @pytest.mark.parametrize("kind", ["single", "next_step", "sb3"])
