@@ -23,13 +23,19 @@ from typing import Any
 
 from sources import ROOT
 
+from redundant_envs.support import palette
+
 PACKAGE = ("redundant_envs", "agents", "configs")
 """Folders on which the results of a notebook depend."""
 LIBRARIES = ("gymnasium", "llvmlite", "matplotlib", "numpy", "stable-baselines3", "sympy", "torch")
 LONGEST_CELL = 300  # s, after which a cell is given up
 COMPILING = "redundant-envs: compiling"  # begins a line on standard error, where a kernel is not yet kept
-DOWNLOAD = '<p><a href="{name}.ipynb" download>Download this page as a notebook</a></p>'
+DOWNLOAD = (
+    '<p><a href="{name}.ipynb" download>Download this page as a notebook</a>: after '
+    "<code>pip install jupyterlab</code>, <code>jupyter lab {name}.ipynb</code> opens it.</p>"
+)
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+COLOURS_OF_CURVES = palette.BLUE, palette.VERMILION, palette.GREEN, palette.PINK
 FRONT_MATTER = re.compile(r"\A---\n.*?^---\n", re.S | re.M)
 CODE_CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.S | re.M)
 LINK = re.compile(r"\[([^]]+)\]\((?![a-z]+:)[^)]+\)")
@@ -124,8 +130,11 @@ def run(source: Path, target: Path, more: Mapping[str, str] | None = None) -> No
         folders = dict.fromkeys(
             ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR"), own
         )
+        colours = ", ".join(repr(colour[1:]) for colour in COLOURS_OF_CURVES)
+        Path(own, "matplotlibrc").write_text(f"axes.prop_cycle: cycler('color', [{colours}])\n")
         environment = {
-            **os.environ, **threads, **folders, "JUPYTER_PREFER_ENV_PATH": "1", **(more or {}),
+            **os.environ, **threads, **folders, "JUPYTER_PREFER_ENV_PATH": "1", "MATPLOTLIBRC": own,
+            **(more or {}),
         }  # fmt: skip
         environment.pop("MPLBACKEND", None)  # pictures are part of the page
         command = [

@@ -3,6 +3,7 @@
 import base64
 import itertools
 import tempfile
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,20 @@ from redundant_envs.support.values import shown
 
 FRAMES_PER_SECOND = 25
 TRAIL_SECONDS, TRAIL_POINTS = 2.0, 50  # how long the tip's way is shown, and by how many points at most
+KEYS = """
+const key = event.key, way = {ArrowLeft: -1, ArrowRight: 1}[key];
+const factor = {ArrowUp: 2, '+': 2, '=': 2, ArrowDown: 0.5, '-': 0.5}[key];
+if (event.ctrlKey || event.metaKey || !(key === ' ' || way || factor)) return;
+event.preventDefault();
+event.stopPropagation();
+if (factor) this.playbackRate = Math.min(Math.max(factor * this.playbackRate, 1 / 8), 8);
+else if (way || !this.paused) this.pause();
+else this.play().catch(() => {});  // of which a pause may follow at once
+if (way) this.currentTime = (Math.floor(fps * this.currentTime) + way + 0.5) / fps;
+"""
+"""What a key does to a video that has the focus: as in the window of an environment, and one frame back. As
+an attribute of each video it needs no names, and the video plays where scripts are removed."""
+KEYS_TOLD = "Click it, and space pauses, left and right go one frame, up and down double and halve the speed."
 BORDER = 1.08  # half of a picture's width, in units of the farthest distance of a point from the base
 
 
@@ -25,8 +40,9 @@ def animate(trajectory: Trajectory, index: int | tuple[int, ...] | None = None) 
     """A moving picture of a motion, in real time.
 
     Its frames, 25 a second, show states of the trajectory: ask :func:`redundant_envs.simulate` for as many
-    times a second, or more. It shows itself in a notebook; ``save("file.gif")`` or ``save("file.mp4")``
-    writes it. Both need the extra ``plot``. ValueError if nothing is to be drawn, or index chooses no motion.
+    times a second, or more. It shows itself in a notebook, where space pauses it, left and right go one
+    frame, and up and down double and halve the speed; ``save("file.gif")`` or ``save("file.mp4")`` writes it.
+    Both need the extra ``plot``. ValueError if nothing is to be drawn, or index chooses no motion.
 
     Parameters
     ----------
@@ -73,7 +89,12 @@ class Animation:
     def _repr_html_(self) -> str:
         with tempfile.TemporaryDirectory() as folder:
             video = base64.b64encode(self.save(Path(folder) / "clip.mp4").read_bytes()).decode()
-        return f'<video controls autoplay loop muted src="data:video/mp4;base64,{video}"></video>'
+        keys = f"const fps = {FRAMES_PER_SECOND};{KEYS}"
+        # JupyterLab has shortcuts for the same keys, which the attribute keeps away.
+        does = f'tabindex="0" data-lm-suppress-shortcuts="true" onkeydown="{escape(keys)}"'
+        source = f'src="data:video/mp4;base64,{video}"'
+        player = f'<video controls autoplay loop muted style="max-width:100%" {does} {source}></video>'
+        return f"{player}<p>{KEYS_TOLD}</p>"
 
     def save(self, path: str | Path) -> Path:
         """Write it as a GIF or an MP4, by the ending of the file's name; ValueError if it ends in neither.
