@@ -31,8 +31,8 @@ LIBRARIES = ("gymnasium", "llvmlite", "matplotlib", "numpy", "stable-baselines3"
 LONGEST_CELL = 300  # s, after which a cell is given up
 COMPILING = "redundant-envs: compiling"  # begins a line on standard error, where a kernel is not yet kept
 DOWNLOAD = (
-    '<p><a href="{name}.ipynb" download>Download this page as a notebook</a>: after '
-    "<code>pip install jupyterlab</code>, <code>jupyter lab {name}.ipynb</code> opens it.</p>"
+    '<a href="{name}.ipynb" download>Download this page as a notebook</a>, which `jupyter lab {name}.ipynb` '
+    "opens after `pip install jupyterlab`."
 )
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 COLOURS_OF_CURVES = palette.BLUE, palette.VERMILION, palette.GREEN, palette.PINK

@@ -5,6 +5,7 @@ name. Of the others, ``python`` blocks run as scripts, ``console`` blocks as the
 other lines show output), and ``shell`` blocks as a whole; ``text`` blocks are only read.
 """
 
+import ast
 import json
 import os
 import re
@@ -77,3 +78,17 @@ def test_a_notebook_runs_and_each_cell_shows_something(source, tmp_path, monkeyp
     notebooks.run(source, tmp_path / "made.ipynb", more)
     made = json.loads(text(tmp_path / "made.ipynb"))
     assert all(cell["outputs"] for cell in made["cells"] if cell["cell_type"] == "code")
+
+
+def test_curves_of_notebooks_have_the_colours_of_the_figures(tmp_path, monkeypatch):
+    for extra in ("nbclient", "ipykernel", "matplotlib"):
+        pytest.importorskip(extra)
+    monkeypatch.syspath_prepend(str(DOCS / "site"))
+    import notebooks
+
+    code = 'import matplotlib\nmatplotlib.rcParams["axes.prop_cycle"].by_key()["color"]'
+    (tmp_path / "made.md").write_text(f"```{{code-cell}}\n{code}\n```\n")
+    notebooks.run(tmp_path / "made.md", tmp_path / "made.ipynb")
+    (cell,) = json.loads(text(tmp_path / "made.ipynb"))["cells"]
+    shown = ast.literal_eval("".join(cell["outputs"][0]["data"]["text/plain"]))
+    assert shown == [*notebooks.COLOURS_OF_CURVES]
