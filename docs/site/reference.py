@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 import re
 import sys
@@ -11,6 +10,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 import api
+import effect_pages
 import gymnasium as gym
 import imageio.v3 as imageio
 import numpy as np
@@ -18,11 +18,9 @@ import printed
 from sources import DOCS, PAGES, ROOT
 
 import redundant_envs as rde
-from redundant_envs.effects.hooks import snake_case
 from redundant_envs.envs.named import page as page_of
 from redundant_envs.envs.registration import IDS, id_of, scene_of
 from redundant_envs.envs.rendering import stated_limits
-from redundant_envs.model.listing import Operations
 from redundant_envs.robots.drawn import schematic
 from redundant_envs.scenes import config_folder
 from redundant_envs.scenes.scene import scene_names
@@ -31,7 +29,6 @@ from redundant_envs.support.disk import write_text
 from redundant_envs.support.tables import markdown
 from redundant_envs.tasks import OWN as OWN_TASKS
 from redundant_envs_train.rollout import expert_act, expert_name
-from studies.effects import Study, load_study
 
 sys.path.insert(0, str(DOCS / "examples"))
 from play_with_numpy import load
@@ -45,7 +42,6 @@ POLICIES = {
 }  # fmt: skip
 """Shipped policies that the clips show; the other clips show the experts of the tasks."""
 SEED, FRAMES, EVERY, FPS = 6, 50, 2, 25
-HEADS = [name.replace("_", " ") for name in Operations._fields]
 COMMANDS = {
     "figures/page.png": "python docs/figures/picture_of_page.py",
     "figures/": "python docs/figures/remake.py",
@@ -56,16 +52,13 @@ COMMANDS = {
 
 
 def written(site: Path, pool: Executor) -> None:
-    """Write all of them; bills are counted by the processes of a pool."""
-    bills = [*pool.map(bill_of_effect, study().entries)]
+    """Write all of them; what is counted and drawn is by the processes of a pool."""
     for name, text in pages(pool.map).items():
         (site / name).parent.mkdir(parents=True, exist_ok=True)
         (site / name).write_text(text.rstrip() + "\n", encoding="utf-8")
     (site / "effects" / "README.md").write_text(index_of_effects(site / "effects"), encoding="utf-8")
+    effect_pages.written(site / "effects", pool.map)
     pictures(site)
-    for name, bill in dict(reversed(bills)).items():
-        with (site / "effects" / f"{name}.md").open("a", encoding="utf-8") as file:
-            file.write(f"\n## Bill\n\n{bill}\n")
 
 
 def pages(each: Callable[..., Iterable[str]] = map) -> dict[str, str]:
@@ -209,11 +202,6 @@ The sum of these terms in every step:
 # ---- effects, integrators, scenes ----------------------------------------------------------------------
 
 
-def page_name(effect: rde.effects.Effect) -> str:
-    """The page of an effect."""
-    return snake_case(type(effect).__name__)
-
-
 LINKS = re.compile(r"(?:^\[`\w+`\]\(\w+\.md\).*\n)+", re.M)
 """Lines of links to pages of effects."""
 PAGE = re.compile(r"\]\((\w+\.md)\)")
@@ -238,35 +226,7 @@ def index_of_effects(folder: Path) -> str:
 def bill_of_scene(name: str) -> str:
     """Operations of a step of a named scene by owner, as a table."""
     found = rde.bill(rde.load_scene(name))
-    return markdown(("of", *HEADS), [(owner, *counts) for owner, counts in found.items()])
-
-
-@functools.cache
-def study() -> Study:
-    """The study of what effects cost: it has an effect of each kind."""
-    return load_study(config_folder("studies") / "effects.yaml")
-
-
-def bill_of_effect(name: str) -> tuple[str, str]:
-    """The page of an effect of the study, and what the effect adds to a step."""
-    entry = study().entries[name]
-    bill = rde.bill(entry.pair.scene)
-    counts = bill[entry.effect.key]
-    others, own = operations(bill["arm"], bill["integrator"]), operations(counts)
-    bar = (
-        f'<div class="bill"><span style="flex-grow: {others}"></span><span class="effect" '
-        f'style="flex-grow: {own}"></span></div>\n\n{others} operations of the arm and its integrator, '
-        f"{own} of {type(entry.effect).__name__}."
-    )
-    return page_name(entry.effect), (
-        f"What `{entry.effect}` adds to one step of the arm {entry.arm.robot.kind}, stages as often as they "
-        f"are evaluated:\n\n{bar}\n\n{markdown(HEADS, [counts])}"
-    )
-
-
-def operations(*bills: Operations) -> int:
-    """The number of all operations."""
-    return sum(sum(bill[:-1]) for bill in bills)  # the last one: bytes
+    return markdown(("of", *effect_pages.HEADS), [(owner, *counts) for owner, counts in found.items()])
 
 
 ABOUT = {
@@ -306,7 +266,9 @@ def scenes(each: Callable[..., Iterable[str]]) -> dict[str, str]:
     made, rows = {}, []
     for name, bill in zip(scene_names(), each(bill_of_scene, scene_names()), strict=True):
         scene, file = rde.load_scene(name), config_folder("scenes") / f"{name}.yaml"
-        effects = [f"[{type(one).__name__}](../effects/{page_name(one)}.md)" for one in scene.effects]
+        effects = [
+            f"[{type(one).__name__}](../effects/{effect_pages.page_name(one)}.md)" for one in scene.effects
+        ]
         rows.append((f"[{name}]({name}.md)", scene.robot.kind, ", ".join(effects)))
         made[f"scenes/{name}.md"] = f"""# {name}
 

@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Inertia, at_each_joint
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Armature(Effect):
 
     inertias: float | Numbers = field(metadata=each_joint(not_negative))
 
-    example = Example({"inertias": 0.01})
+    example = Example({"inertias": 0.01}, curve=Curve("rate", "time", 0.4))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

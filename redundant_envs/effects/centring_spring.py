@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, Numbers, not_negative, numbers, row, travel
+from redundant_envs.effects.numbers import Curve, Example, Numbers, not_negative, numbers, row, travel
 from redundant_envs.language.algebra import physics
 from redundant_envs.robots.parameters import for_sliders
 
@@ -33,9 +33,9 @@ class CentringSpring(Effect):
     Parameters
     ----------
     stiffness : sequence of one for each slider
-        k1, k2, N/m, not negative.
+        Stiffness k of each slider's spring, N/m, not negative.
     lower, upper : sequences of one for each slider
-        r_min and r_max, m.
+        Ends r_min and r_max of the travel, m.
     """
 
     stiffness: Numbers = field(metadata=row(not_negative, "N/m"))
@@ -45,6 +45,7 @@ class CentringSpring(Effect):
     example = Example(
         {"stiffness": (80.0, 80.0), "lower": (0.0, 0.0), "upper": (0.25, 0.25)},
         zero={"stiffness": (0.0, 0.0)},
+        curve=Curve("force", "position", 0.3),
     )
 
     def __post_init__(self) -> None:

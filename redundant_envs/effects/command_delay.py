@@ -5,7 +5,7 @@ from typing import Any
 
 from redundant_envs.effects.delays import Delay
 from redundant_envs.effects.hooks import Actuation, Arm, Hook, Instant, Link, State, effort_unit
-from redundant_envs.effects.numbers import Example
+from redundant_envs.effects.numbers import Curve, Example
 from redundant_envs.language.algebra import floor, identity, maximum, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
 
@@ -50,14 +50,15 @@ class CommandDelay(Delay):
     Parameters
     ----------
     seconds : float
-        s, from 0 to ``longest``. What is within rounding of whole control intervals counts as these.
+        Delay of each command, s, from 0 to ``longest``. What is within rounding of whole control
+        intervals counts as these.
     longest : float
-        s: the longest delay that any environment may have. It chooses how many commands are kept, one more
+        The longest delay that any environment may have, s. It chooses how many commands are kept, one more
         than control intervals fit into it, at most 1024.
     """
 
     values = "commands"
-    example = Example({"seconds": 0.013, "longest": 0.1})
+    example = Example({"seconds": 0.013, "longest": 0.1}, curve=Curve("effort", "time", 0.5))
 
     def kept_at(self, control_dt: float) -> int:
         return int(whole_intervals(self.longest, control_dt)) + 1

@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Friction, Hook, at_each_joint
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import identity
 
 
@@ -22,7 +22,7 @@ class CoulombFriction(Effect):
 
     level: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
 
-    example = Example({"level": (1.0, 0.6, 0.4, 0.2)})
+    example = Example({"level": (1.0, 0.6, 0.4, 0.2)}, curve=Curve("force", "rate", 2.0))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

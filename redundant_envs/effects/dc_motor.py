@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, positive
 from redundant_envs.language.algebra import clamp, expm1, physics
 
 
@@ -45,15 +45,15 @@ class DCMotor(Effect):
     Parameters
     ----------
     resistance : float
-        R of the winding, ohm, positive.
+        Resistance R of the winding, ohm, positive.
     inductance : float
-        L of the winding, H, positive.
+        Inductance L of the winding, H, positive.
     constant : float
         K, torque per current, N m/A, which is the induced voltage per speed, V s/rad, too; positive.
     gear : float
         N, turns of the motor per turn of the joint; rad/m for a slider. Positive.
     voltage : float
-        Of the supply, V, positive.
+        Largest voltage of the supply, V, positive.
     """
 
     resistance: float | Numbers = field(metadata=each_joint(positive, "ohm"))
@@ -62,7 +62,10 @@ class DCMotor(Effect):
     gear: float | Numbers = field(default=1.0, metadata=each_joint(positive, "", "rad/m"))
     voltage: float | Numbers = field(default=24.0, metadata=each_joint(positive, "V"))
 
-    example = Example({"resistance": 1.0, "inductance": 0.02, "constant": 0.8, "gear": 1.0})
+    example = Example(
+        {"resistance": 1.0, "inductance": 0.02, "constant": 0.8, "gear": 1.0},
+        curve=Curve("effort", "time", 0.5),
+    )
 
     def action_units(self, arm: Arm) -> tuple[str, ...]:
         return tuple(f"voltage[{k}]" for k in range(len(arm.joints)))

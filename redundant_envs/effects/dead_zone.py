@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, at_each_joint
-from redundant_envs.effects.numbers import COMMAND, Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.numbers import COMMAND, Curve, Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics
 
 
@@ -24,7 +24,7 @@ class DeadZone(Effect):
 
     widths: float | Numbers = field(metadata=each_joint(not_negative, COMMAND, COMMAND))
 
-    example = Example({"widths": 0.3})
+    example = Example({"widths": 0.3}, curve=Curve("force", "command", 1.0))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

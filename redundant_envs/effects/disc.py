@@ -136,17 +136,17 @@ class Disc(Effect):
     Parameters
     ----------
     centre : (float, float)
-        m.
+        Its centre (x, y), m.
     radius : float
-        m, positive; the disc must not cover the base of the arm.
+        Its radius, m, positive; the disc must not cover the base of the arm.
     stiffness : float
-        k, N/m, positive.
+        Stiffness k of the contact, N/m, positive.
     damping : float
-        c, s/m, not negative.
+        Damping c of the contact, s/m, not negative.
     friction : float
-        mu, not negative.
+        Coefficient of friction mu, not negative.
     slip_speed : float
-        m/s, positive: at this speed along the surface the friction is 1/sqrt(2) of its level.
+        Speed e, m/s, positive: at this speed along the surface the friction is 1/sqrt(2) of its level.
     along_links : bool
         Whether all links touch the disc, or the tip alone.
     name : str

@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Sensing, State
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, share
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, share
 from redundant_envs.effects.readings import Sensor, at_each_sensor
 from redundant_envs.language.algebra import identity, physics, where
 
@@ -28,7 +28,7 @@ class DroppedSamples(Effect):
 
     probability: float | Numbers = field(metadata=each_joint(share, "1"))
 
-    example = Example({"probability": 0.1})
+    example = Example({"probability": 0.1}, curve=Curve("reading", "time", 1.0))
 
     @at_each_sensor
     def hooks(self, s: Sensor, arm: Arm) -> Hook:

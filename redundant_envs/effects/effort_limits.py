@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, at_each_joint, effort_unit
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics, where
 
 WITHIN = 1e-12
@@ -33,12 +33,14 @@ class EffortLimits(Effect):
     Parameters
     ----------
     limits : float or sequence of one for each joint
-        N m (revolute) or N (prismatic), not negative.
+        Largest effort of each motor, N m (revolute) or N (prismatic), not negative.
     """
 
     limits: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
 
-    example = Example({"limits": (20.0, 12.0, 8.0, 4.0)}, zero={"limits": 1e9})
+    example = Example(
+        {"limits": (20.0, 12.0, 8.0, 4.0)}, zero={"limits": 1e9}, curve=Curve("force", "command", 20.0)
+    )
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative, positive
 from redundant_envs.language.algebra import identity, maximum, physics, sqrt, where
 
 
@@ -47,11 +47,11 @@ class GearBacklash(Effect):
     gap : float
         Whole width between the teeth, rad (revolute) or m (prismatic), not negative.
     stiffness : float
-        Of the teeth, N m/rad or N/m, positive.
+        Stiffness k of the teeth, N m/rad or N/m, positive.
     inertia : float
-        Of the motor, kg m^2 or kg, positive.
+        Inertia J of the motor, kg m^2 or kg, positive.
     damping : float
-        Of the teeth per depth, N m s/rad^2 or N s/m^2, not negative.
+        Damping c of the teeth per depth, N m s/rad^2 or N s/m^2, not negative.
     """
 
     gap: float | Numbers = field(metadata=each_joint(not_negative, "rad", "m"))
@@ -59,7 +59,9 @@ class GearBacklash(Effect):
     inertia: float | Numbers = field(metadata=each_joint(positive, "kg m^2", "kg"))
     damping: float | Numbers = field(default=0.0, metadata=each_joint(not_negative, "N m s/rad^2", "N s/m^2"))
 
-    example = Example({"gap": 0.02, "stiffness": 500.0, "inertia": 0.02, "damping": 10.0})
+    example = Example(
+        {"gap": 0.02, "stiffness": 500.0, "inertia": 0.02, "damping": 10.0}, curve=Curve("rate", "time", 0.5)
+    )
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

@@ -3,7 +3,7 @@ import math
 from dataclasses import dataclass
 
 from redundant_envs.effects.hooks import Arm, Effect, Field, Hook
-from redundant_envs.effects.numbers import Example, Numbers, number, numbers, one, pair, strength
+from redundant_envs.effects.numbers import Curve, Example, Numbers, number, numbers, one, pair, strength
 from redundant_envs.language.algebra import physics
 
 
@@ -20,7 +20,7 @@ class Gravity(Effect):
     Parameters
     ----------
     g : float
-        Strength, m/s^2.
+        Strength of the field, m/s^2.
     down : (float, float)
         The unit vector that points down, projected on the plane of the arm; its length is at most
         1. (0, -1) means a vertical plane; :meth:`on_plane` computes it for a tilted one.
@@ -29,7 +29,7 @@ class Gravity(Effect):
     g: float = dataclasses.field(default=9.81, metadata=one(strength, "m/s^2"))
     down: Numbers = dataclasses.field(default=(0.0, -1.0), metadata=pair(numbers))
 
-    example = Example({"g": 9.81}, zero={"g": 0.0})
+    example = Example({"g": 9.81}, zero={"g": 0.0}, curve=Curve("force", "position", 3.2))
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -41,13 +41,13 @@ class HalfPlane(Effect):
     normal : (float, float)
         Direction out of the half-plane, towards the arm, of any length; (0, 1), a floor, by default.
     stiffness : float
-        k, N/m, positive.
+        Stiffness k of the contact, N/m, positive.
     damping : float
-        c, s/m, not negative.
+        Damping c of the contact, s/m, not negative.
     friction : float
-        mu, not negative.
+        Coefficient of friction mu, not negative.
     slip_speed : float
-        m/s, positive: at this speed along the edge the friction is 1/sqrt(2) of its level.
+        Speed e, m/s, positive: at this speed along the edge the friction is 1/sqrt(2) of its level.
     along_links : bool
         Whether all ends of links touch the half-plane, or the tip alone.
     name : str

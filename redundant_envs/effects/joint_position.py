@@ -6,7 +6,7 @@ from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Hook
 from redundant_envs.effects.inner_control import GAIN, InnerControl, Wanted, of_joints, usual_speeds
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, one, positive, strengths
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, one, positive, strengths
 from redundant_envs.language.algebra import numbered, sqrt
 
 
@@ -36,9 +36,10 @@ class JointPosition(InnerControl):
     Parameters
     ----------
     middle, spans : float or sequence of one for each joint
-        rad (revolute) or m (prismatic); the spans are positive.
+        Position wanted by an action of 0, and how far from it one of 1 is, rad (revolute) or
+        m (prismatic); spans are positive.
     stiffness : float
-        1/s, positive.
+        Rate of the approach per distance from the wanted position, 1/s, positive.
     speeds : float or sequence of one for each joint
         Most rates that it wants, rad/s (revolute) or m/s (prismatic), positive.
     """
@@ -52,8 +53,7 @@ class JointPosition(InnerControl):
         {
             "gain": 25.0, "limits": (20.0, 12.0, 8.0, 4.0), "middle": 0.0, "spans": 3.0, "stiffness": 6.0,
             "speeds": 3.0,
-        }
-    )  # fmt: skip
+        }, curve=Curve("position", "time", 1.5))  # fmt: skip
 
     @classmethod
     def defaults(cls, scene: Any) -> dict[str, Any]:

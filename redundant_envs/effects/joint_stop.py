@@ -3,7 +3,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Impact
-from redundant_envs.effects.numbers import Ends, Example, number, one, share, travel
+from redundant_envs.effects.numbers import Curve, Ends, Example, number, one, share, travel
 from redundant_envs.support.values import shown
 
 FREE = {"lower": -math.inf, "upper": math.inf}  # ends of the travel of a joint without stops
@@ -31,7 +31,10 @@ class JointStop(Effect):
     upper: Ends
     restitution: float = field(default=1.0, metadata=one(share))
 
-    example = Example({"lower": (-1.0, -1.0, -1.0, -1.0), "upper": (1.0, 1.0, 1.0, 1.0), "restitution": 0.0})
+    example = Example(
+        {"lower": (-1.0, -1.0, -1.0, -1.0), "upper": (1.0, 1.0, 1.0, 1.0), "restitution": 0.0},
+        curve=Curve("rate", "time", 0.6),
+    )
 
     def __post_init__(self) -> None:
         kind = type(self).__name__

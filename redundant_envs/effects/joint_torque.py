@@ -2,7 +2,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
 from redundant_envs.effects.hooks import Arm, Hook, effort_unit
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, one, strengths
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative, one, strengths
 from redundant_envs.language.algebra import identity
 
 
@@ -46,8 +46,7 @@ class JointTorque(d.Disturbance):
 
     example = Example(
         {"step": 0.5, "start": 0.1, "amplitude": 0.5, "frequency": 2.0, "density": 0.05, "deviation": 0.5,
-         "time_constant": 0.2}
-    )  # fmt: skip
+         "time_constant": 0.2}, curve=Curve("rate", "time", 1.0))  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         laws = (d.step, d.periodic, identity("white"), identity("wander"))

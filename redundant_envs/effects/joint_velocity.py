@@ -3,7 +3,7 @@ from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Hook
 from redundant_envs.effects.inner_control import InnerControl, Wanted, usual_speeds
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, positive
 from redundant_envs.language.algebra import numbered
 
 
@@ -18,12 +18,14 @@ class JointVelocity(InnerControl):
     Parameters
     ----------
     speeds : float or sequence of one for each joint
-        rad/s (revolute) or m/s (prismatic), positive.
+        Rates that an action of 1 commands, rad/s (revolute) or m/s (prismatic), positive.
     """
 
     speeds: float | Numbers = field(metadata=each_joint(positive, "rad/s", "m/s"))
 
-    example = Example({"gain": 25.0, "limits": (20.0, 12.0, 8.0, 4.0), "speeds": 3.0})
+    example = Example(
+        {"gain": 25.0, "limits": (20.0, 12.0, 8.0, 4.0), "speeds": 3.0}, curve=Curve("rate", "time", 0.3)
+    )
 
     @classmethod
     def defaults(cls, scene: Any) -> dict[str, Any]:

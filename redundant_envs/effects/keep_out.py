@@ -15,9 +15,9 @@ class KeepOut(Effect):
     Parameters
     ----------
     centre : (float, float)
-        m.
+        Its centre (x, y), m.
     radius : float
-        m, positive; the disc must not cover the base of the arm.
+        Its radius, m, positive; the disc must not cover the base of the arm.
     name : str
         Part of the name of its numbers, "keep_out_left.radius"; several of a scene have different ones.
     """

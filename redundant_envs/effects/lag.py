@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, positive
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, positive
 from redundant_envs.language.algebra import expm1, identity, physics
 
 
@@ -28,12 +28,12 @@ class Lag(Effect):
     Parameters
     ----------
     time_constant : float or sequence of one for each joint
-        T, s, positive; one number serves all joints.
+        Time constant T, s, positive; one number serves all joints.
     """
 
     time_constant: float | Numbers = field(metadata=each_joint(positive, "s"))
 
-    example = Example({"time_constant": 0.03})
+    example = Example({"time_constant": 0.03}, curve=Curve("effort", "time", 0.5))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

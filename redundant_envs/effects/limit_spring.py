@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
-from redundant_envs.effects.numbers import Example, not_negative, number, one, positive, travel
+from redundant_envs.effects.numbers import Curve, Example, not_negative, number, one, positive, travel
 from redundant_envs.language.algebra import clamp, identity, maximum, physics, where
 
 
@@ -56,9 +56,9 @@ class LimitSpring(Effect):
     lower, upper : float
         Limits of the travel, m or rad.
     stiffness : float
-        k, N/m or N m/rad, positive.
+        Stiffness k of the spring, N/m or N m/rad, positive.
     damping : float
-        c, N s/m^2 or N m s/rad^2, not negative.
+        Damping c per depth, N s/m^2 or N m s/rad^2, not negative.
     """
 
     coordinate: str
@@ -69,7 +69,8 @@ class LimitSpring(Effect):
 
     static = ("coordinate",)
     example = Example(
-        {"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "stiffness": 200.0, "damping": 5.0}
+        {"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "stiffness": 200.0, "damping": 5.0},
+        curve=Curve("force", "position", 1.5),
     )
 
     def __post_init__(self) -> None:

@@ -2,7 +2,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from redundant_envs.effects.hooks import Arm, Effect, Hook, Inertia
-from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative
+from redundant_envs.effects.numbers import Curve, Example, Numbers, checked, not_negative
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class LinkInertia(Effect):
 
     inertias: float | Numbers = dataclasses.field(metadata=checked(not_negative))
 
-    example = Example({"inertias": 0.01})
+    example = Example({"inertias": 0.01}, curve=Curve("rate", "time", 0.4))
 
     def fitted(self, arm: Arm) -> Effect:
         links = arm.prismatic.count(False)

@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, State, at_each_joint
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative, positive
 from redundant_envs.language.algebra import exp, expm1, identity, physics, where
 
 
@@ -54,7 +54,7 @@ class LuGre(Effect):
     damping : float
         sigma1 of the bristles, N m s/rad or N s/m, not negative.
     viscous : float
-        sigma2, N m s/rad or N s/m, not negative.
+        Viscous friction sigma2, N m s/rad or N s/m, not negative.
     coulomb : float
         F_C, friction at high rates, N m or N, positive.
     stiction : float
@@ -72,8 +72,7 @@ class LuGre(Effect):
 
     example = Example(
         {"stiffness": 100.0, "damping": 1.0, "viscous": 0.1, "coulomb": 0.5, "stiction": 0.7,
-         "stribeck_speed": 0.1}
-    )  # fmt: skip
+         "stribeck_speed": 0.1}, curve=Curve("rate", "time", 0.5))  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()

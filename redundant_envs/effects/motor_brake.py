@@ -5,7 +5,7 @@ from typing import Any
 
 from redundant_envs.effects.hooks import Arm, Friction, Hook, named
 from redundant_envs.effects.motor_faults import MotorFault
-from redundant_envs.effects.numbers import Example, between, one, positive
+from redundant_envs.effects.numbers import Curve, Example, between, one, positive
 from redundant_envs.language.algebra import physics, where
 
 STRONGEST_GRIP = 1e6
@@ -55,7 +55,7 @@ class MotorBrake(MotorFault):
 
     grip: float = field(default=1000.0, metadata=one(grip_of, "N m or N"))
     key = named("motor_brake_")
-    example = Example({"joint": 1.0, "at": 0.1})
+    example = Example({"joint": 1.0, "at": 0.1}, curve=Curve("effort", "time", 0.5))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         brakes = (Friction(k, grip_at(k), lock=closed_at(k)) for k in range(len(arm.joints)))

@@ -2,7 +2,7 @@ from dataclasses import dataclass
 
 from redundant_envs.effects.hooks import Arm, Hook, named
 from redundant_envs.effects.motor_faults import MotorFault
-from redundant_envs.effects.numbers import Example
+from redundant_envs.effects.numbers import Curve, Example
 
 
 @dataclass(frozen=True)
@@ -13,7 +13,7 @@ class MotorLoss(MotorFault):
     """
 
     key = named("motor_loss_")
-    example = Example({"joint": 1.0, "at": 0.1})
+    example = Example({"joint": 1.0, "at": 0.1}, curve=Curve("effort", "time", 0.5))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         return self.cuts(arm)

@@ -3,7 +3,17 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Effect, Field, Hook, State, named
-from redundant_envs.effects.numbers import Example, Numbers, checked, not_negative, one, pair, strengths, text
+from redundant_envs.effects.numbers import (
+    Curve,
+    Example,
+    Numbers,
+    checked,
+    not_negative,
+    one,
+    pair,
+    strengths,
+    text,
+)
 from redundant_envs.language.algebra import identity, physics, sincos
 
 
@@ -26,9 +36,9 @@ class MovingBase(Effect):
     Parameters
     ----------
     amplitude : (float, float)
-        A, in x and y, m.
+        Amplitude A along x and y, m.
     frequency : float
-        w, rad/s, not negative: 2 pi times the number of cycles in a second.
+        Angular frequency w, rad/s, not negative: 2 pi times the number of cycles in a second.
     name : str
         Tells several of a scene apart, whose motions add: "second" has "moving_base.second.frequency", ...
     """
@@ -39,7 +49,7 @@ class MovingBase(Effect):
 
     static = ("name",)
     key = named("moving_base.")
-    example = Example({"amplitude": (0.01, 0.01), "frequency": 9.0})
+    example = Example({"amplitude": (0.01, 0.01), "frequency": 9.0}, curve=Curve("rate", "time", 1.0))
 
     def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
         sine = math.sin(pose.states["angle"])

@@ -5,7 +5,7 @@ import functools
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from redundant_envs.robots.parameters import between as between
 from redundant_envs.robots.parameters import not_negative as not_negative
@@ -41,18 +41,33 @@ class Declared:
     of_joints: bool = False  # whether there is one for each joint; a single number serves all of them
 
 
+class Curve(NamedTuple):
+    """The picture of an effect: a quantity ``of`` a joint or the tip over another one, up to ``most``.
+
+    A "force" is drawn over the "position", the "rate" or the "command" of a joint, from minus to plus
+    ``most``; over the "time", from 0 on, the "effort" of a motor, a "reading", or the "position", the "rate"
+    or the "tip" of a motion.
+    """
+
+    of: str
+    over: str
+    most: float
+
+
 @dataclass(frozen=True)
 class Example:
     """Numbers of an effect with which the package shows, tests and measures it, by their fields.
 
     ``numbers`` fit an arm of four joints. ``zero`` is what to change in them for a magnitude of zero, with
     which a motion keeps its bits; an effect without one changes the rounding wherever it is. ``variants`` are
-    what to change in them for another structure, by what that is called.
+    what to change in them for another structure, by what that is called. ``curve`` is what its picture shows;
+    without one it is drawn beside the arm.
     """
 
     numbers: Mapping[str, Any]
     zero: Mapping[str, Any] | None = None
     variants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    curve: Curve | None = None
 
 
 def example_of(kind: type) -> Example:

@@ -14,7 +14,7 @@ class Payload(Effect):
     Parameters
     ----------
     mass : float
-        kg, not negative.
+        Mass of the load, kg, not negative.
     """
 
     mass: float = field(metadata=one(not_negative))

@@ -25,7 +25,7 @@ class PickUp(Effect):
     Parameters
     ----------
     mass : float
-        kg, not negative.
+        Mass of the object, kg, not negative.
     at : float
         Time of the grasp, s, positive; a load from the start is a :class:`Payload`.
     """

@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, State, at_each_joint, effort_unit
-from redundant_envs.effects.numbers import COMMAND, Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.numbers import COMMAND, Curve, Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import clamp, physics
 
 
@@ -26,7 +26,7 @@ class Play(Effect):
 
     gaps: float | Numbers = field(metadata=each_joint(not_negative, COMMAND, COMMAND))
 
-    example = Example({"gaps": 0.3})
+    example = Example({"gaps": 0.3}, curve=Curve("effort", "time", 1.0))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import physics
 
 
@@ -28,7 +28,7 @@ class QuadraticFriction(Effect):
 
     coefficients: float | Numbers = field(metadata=each_joint(not_negative, "N m s^2/rad^2", "N s^2/m^2"))
 
-    example = Example({"coefficients": 0.1})
+    example = Example({"coefficients": 0.1}, curve=Curve("force", "rate", 3.0))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

@@ -2,7 +2,7 @@ import functools
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Hook, Sensing
-from redundant_envs.effects.numbers import Example, Numbers, each_joint
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint
 from redundant_envs.effects.readings import OfReadings, Sensor, at_each_sensor
 from redundant_envs.language.algebra import floor, physics
 from redundant_envs.robots.parameters import SMALLEST, each
@@ -34,7 +34,7 @@ class Quantisation(OfReadings):
     position: float | Numbers | None = field(default=None, metadata=each_joint(resolutions, "rad", "m"))
     rate: float | Numbers | None = field(default=None, metadata=each_joint(resolutions, "rad/s", "m/s"))
 
-    example = Example({"position": 0.001, "rate": 0.01})
+    example = Example({"position": 0.001, "rate": 0.01}, curve=Curve("reading", "time", 1.0))
 
     @at_each_sensor
     def hooks(self, s: Sensor, arm: Arm) -> Hook:

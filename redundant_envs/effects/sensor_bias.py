@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Hook, Sensing
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, strengths
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, strengths
 from redundant_envs.effects.readings import OfReadings, Sensor, at_each_sensor
 from redundant_envs.language.algebra import physics
 
@@ -26,7 +26,7 @@ class SensorBias(OfReadings):
     position: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "rad", "m"))
     rate: float | Numbers | None = field(default=None, metadata=each_joint(strengths, "rad/s", "m/s"))
 
-    example = Example({"position": 0.01, "rate": 0.02})
+    example = Example({"position": 0.01, "rate": 0.02}, curve=Curve("reading", "time", 1.0))
 
     @at_each_sensor
     def hooks(self, s: Sensor, arm: Arm) -> Hook:

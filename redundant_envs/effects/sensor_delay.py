@@ -7,7 +7,7 @@ from typing import Any
 
 from redundant_envs.effects.delays import Delay
 from redundant_envs.effects.hooks import Arm, Hook, Sensing, State
-from redundant_envs.effects.numbers import Example
+from redundant_envs.effects.numbers import Curve, Example
 from redundant_envs.effects.readings import Sensor, at_each_sensor
 from redundant_envs.language.algebra import floor, identity, numbered, physics, where
 from redundant_envs.language.limits import ROUNDING
@@ -51,13 +51,13 @@ class SensorDelay(Delay):
     Parameters
     ----------
     seconds : float
-        The delay, s, from 0 to ``longest``.
+        Delay of all readings, s, from 0 to ``longest``.
     longest : float
         The longest delay that may be set, s: as many readings are kept as it needs, at most 1024.
     """
 
     values = "readings"
-    example = Example({"seconds": 0.03, "longest": 0.1})
+    example = Example({"seconds": 0.03, "longest": 0.1}, curve=Curve("reading", "time", 1.0))
 
     def kept_at(self, control_dt: float) -> int:
         return math.ceil(steps_back(self.longest, control_dt)) + 1

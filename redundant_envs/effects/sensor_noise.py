@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Hook, Sensing, State
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative
 from redundant_envs.effects.readings import OfReadings, Sensor, at_each_sensor
 from redundant_envs.language.algebra import physics
 
@@ -35,7 +35,7 @@ class SensorNoise(OfReadings):
     position: float | Numbers | None = field(default=None, metadata=each_joint(not_negative, "rad", "m"))
     rate: float | Numbers | None = field(default=None, metadata=each_joint(not_negative, "rad/s", "m/s"))
 
-    example = Example({"position": 0.001, "rate": 0.01})
+    example = Example({"position": 0.001, "rate": 0.01}, curve=Curve("reading", "time", 1.0))
 
     @at_each_sensor
     def hooks(self, s: Sensor, arm: Arm) -> Hook:

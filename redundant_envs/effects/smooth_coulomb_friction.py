@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative, positive
 from redundant_envs.language.algebra import physics, sqrt
 
 
@@ -32,15 +32,15 @@ class SmoothCoulombFriction(Effect):
     Parameters
     ----------
     levels : float or sequence of one for each joint
-        c, N m (revolute) or N (prismatic), not negative; one number serves all joints.
+        Level c, N m (revolute) or N (prismatic), not negative; one number serves all joints.
     speed : float or sequence of one for each joint
-        e, rad/s or m/s, positive: at this rate the friction is 1/sqrt(2) of its level.
+        Speed e, rad/s or m/s, positive: at this rate the friction is 1/sqrt(2) of its level.
     """
 
     levels: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
     speed: float | Numbers = field(default=0.01, metadata=each_joint(positive, "rad/s", "m/s"))
 
-    example = Example({"levels": 0.5, "speed": 0.1})
+    example = Example({"levels": 0.5, "speed": 0.1}, curve=Curve("force", "rate", 1.0))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

@@ -7,7 +7,17 @@ from typing import Any
 
 from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, named
-from redundant_envs.effects.numbers import Example, Numbers, checked, one, positive, row, strength, text
+from redundant_envs.effects.numbers import (
+    Curve,
+    Example,
+    Numbers,
+    checked,
+    one,
+    positive,
+    row,
+    strength,
+    text,
+)
 from redundant_envs.language.algebra import maximum, numbered, physics, total
 from redundant_envs.robots.parameters import numbers, strengths
 from redundant_envs.support.values import shown
@@ -76,11 +86,11 @@ class Tendon(Effect):
     joints : tuple of str
         The joints along which it runs, such as ("joint2", "joint3").
     moment_arms : tuple of floats
-        a, one for each of them: m of a revolute joint, 1 or -1 for a slider (m per m).
+        Moment arm a of each of these joints: m of a revolute joint, 1 or -1 for a slider (m per m).
     stiffness : float
-        k, N/m, positive.
+        Stiffness k, N/m, positive.
     pretension : float
-        F0, N; below 0 the tendon is slack in the pose with all positions at 0.
+        Tension F0 with all these positions at 0, N; below 0 the tendon is slack there.
     name : str
         Tells several tendons of a scene apart: "flexor" has the parameters "tendon.flexor.stiffness", ...
     """
@@ -94,7 +104,13 @@ class Tendon(Effect):
     static = ("joints", "name")
     key = named("tendon.")
     example = Example(
-        {"joints": ("joint2", "joint3"), "moment_arms": (0.03, 0.02), "stiffness": 3000.0, "pretension": 60.0}
+        {
+            "joints": ("joint2", "joint3"),
+            "moment_arms": (0.03, 0.02),
+            "stiffness": 3000.0,
+            "pretension": 60.0,
+        },
+        curve=Curve("force", "position", 1.5),
     )
 
     def __post_init__(self) -> None:

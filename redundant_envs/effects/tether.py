@@ -38,9 +38,9 @@ class Tether(Effect):
     post : (float, float)
         Where the spring is fixed, m.
     stiffness : float
-        k, N/m, not negative.
+        Stiffness k of the spring, N/m, not negative.
     damping : float
-        c, N s/m, not negative.
+        Damping c, N s/m, not negative.
     """
 
     point: int = field(metadata=checked(whole_number))

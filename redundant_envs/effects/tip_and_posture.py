@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from redundant_envs.effects.hooks import Arm, Hook
 from redundant_envs.effects.inner_control import Wanted, of_joints
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, one, positive, strengths
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, one, positive, strengths
 from redundant_envs.effects.tip_velocity import TipVelocity, gram, scaled_jacobian, towards
 from redundant_envs.language.algebra import entries, numbered, sqrt
 
@@ -88,8 +88,7 @@ class TipAndPosture(TipVelocity):
         {
             "gain": 25.0, "limits": (20.0, 12.0, 8.0, 4.0), "speeds": 3.0, "tip_speeds": 1.0, "damping": 0.1,
             "posture": 1.0, "direction": (0.5, -0.5, 0.5, -0.5),
-        }
-    )  # fmt: skip
+        }, curve=Curve("tip", "time", 0.4))  # fmt: skip
 
     @classmethod
     def defaults(cls, scene: Any) -> dict[str, Any]:

@@ -2,7 +2,16 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
 from redundant_envs.effects.hooks import Arm, Hook, Point
-from redundant_envs.effects.numbers import Example, Numbers, each_axis, not_negative, one, pair, strengths
+from redundant_envs.effects.numbers import (
+    Curve,
+    Example,
+    Numbers,
+    each_axis,
+    not_negative,
+    one,
+    pair,
+    strengths,
+)
 from redundant_envs.language.algebra import physics
 
 
@@ -63,8 +72,7 @@ class TipForce(d.Disturbance):
 
     example = Example(
         {"step": (1.0, 0.0), "start": 0.1, "amplitude": (1.0, -1.0), "frequency": 2.0, "density": 0.1,
-         "deviation": 1.0, "time_constant": 0.2}
-    )  # fmt: skip
+         "deviation": 1.0, "time_constant": 0.2}, curve=Curve("rate", "time", 1.0))  # fmt: skip
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         tip, laws = Point(arm.num_masses - 1), (steps, oscillating, noise, wandered)

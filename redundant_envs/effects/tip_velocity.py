@@ -5,7 +5,7 @@ from typing import Any, cast
 
 from redundant_envs.effects.hooks import Arm, Hook
 from redundant_envs.effects.inner_control import InnerControl, Wanted, of_joints, sum_of, usual_speeds
-from redundant_envs.effects.numbers import Example, Numbers, each_axis, each_joint, one, positive
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_axis, each_joint, one, positive
 from redundant_envs.language.algebra import entries, sqrt
 from redundant_envs.robots.derived import coordinate_rates
 
@@ -81,11 +81,12 @@ class TipVelocity(InnerControl):
     Parameters
     ----------
     speeds : float or sequence of one for each joint
-        rad/s (revolute) or m/s (prismatic), positive: how the joints share the motion, and the most of it.
+        Largest rates, rad/s (revolute) or m/s (prismatic), positive: how the joints share the
+        motion, and the most of it.
     tip_speeds : float or (float, float)
-        m/s, along x and y, positive.
+        Speeds of the tip along x and y that an action of 1 commands, m/s, positive.
     damping : float
-        m/s, positive: of the least squares.
+        Damping of the least squares, m/s, positive.
     """
 
     speeds: float | Numbers = field(metadata=each_joint(positive, "rad/s", "m/s"))
@@ -93,7 +94,8 @@ class TipVelocity(InnerControl):
     damping: float = field(metadata=one(positive, "m/s"))
 
     example = Example(
-        {"gain": 25.0, "limits": (20.0, 12.0, 8.0, 4.0), "speeds": 3.0, "tip_speeds": 1.0, "damping": 0.1}
+        {"gain": 25.0, "limits": (20.0, 12.0, 8.0, 4.0), "speeds": 3.0, "tip_speeds": 1.0, "damping": 0.1},
+        curve=Curve("tip", "time", 0.4),
     )
 
     @classmethod

@@ -2,7 +2,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects.effort_limits import WITHIN
 from redundant_envs.effects.hooks import Actuation, Arm, Effect, Hook, Link, at_each_joint, effort_unit
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative, positive
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative, positive
 from redundant_envs.language.algebra import clamp, maximum, physics, where
 
 
@@ -52,7 +52,7 @@ class TorqueSpeed(Effect):
     stall: float | Numbers = field(metadata=each_joint(not_negative, "N m", "N"))
     free: float | Numbers = field(metadata=each_joint(positive, "rad/s", "m/s"))
 
-    example = Example({"stall": 10.0, "free": 8.0})
+    example = Example({"stall": 10.0, "free": 8.0}, curve=Curve("force", "rate", 12.0))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

@@ -2,7 +2,7 @@ from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
 from redundant_envs.effects.limit_spring import depth_beyond
-from redundant_envs.effects.numbers import Example, not_negative, number, one, travel
+from redundant_envs.effects.numbers import Curve, Example, not_negative, number, one, travel
 from redundant_envs.language.algebra import physics
 
 
@@ -33,9 +33,9 @@ class TwoStageSpring(Effect):
     coordinate : str
         Joint: "r1" or "r2" (travel, m), or "joint1", "joint2", ... (relative angle, rad).
     lower, upper : float
-        Knees, m or rad.
+        Positions of the knees, m or rad.
     soft : float
-        k, N/m or N m/rad, not negative.
+        Stiffness k between the knees, N/m or N m/rad, not negative.
     harder : float
         k', what is added beyond a knee, N/m or N m/rad, not negative.
     """
@@ -47,7 +47,10 @@ class TwoStageSpring(Effect):
     harder: float = field(metadata=one(not_negative, "N m/rad", "N/m"))
 
     static = ("coordinate",)
-    example = Example({"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "soft": 5.0, "harder": 200.0})
+    example = Example(
+        {"coordinate": "joint2", "lower": -1.0, "upper": 1.0, "soft": 5.0, "harder": 200.0},
+        curve=Curve("force", "position", 1.5),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

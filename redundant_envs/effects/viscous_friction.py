@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook, at_each_joint
-from redundant_envs.effects.numbers import Example, Numbers, each_joint, not_negative
+from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative
 from redundant_envs.language.algebra import identity, physics
 
 
@@ -23,7 +23,7 @@ class ViscousFriction(Effect):
 
     coefficients: float | Numbers = field(metadata=each_joint(not_negative, "N m s/rad", "N s/m"))
 
-    example = Example({"coefficients": 0.2}, zero={"coefficients": 0.0})
+    example = Example({"coefficients": 0.2}, zero={"coefficients": 0.0}, curve=Curve("force", "rate", 3.0))
 
     @at_each_joint
     def hooks(self, k: int, arm: Arm) -> Hook:

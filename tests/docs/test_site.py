@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from markdown import PAGES, ROOT
 
@@ -49,6 +50,26 @@ def test_pages_from_the_code_have_every_scene_and_name_and_their_blocks_run(monk
         for block in re.findall(r"^```python\n(.*?)^```", text, re.S | re.M):
             exec(compile(block, name, "exec"), {"__name__": "__main__"})
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("kind", "over", "force"),
+    [
+        ("ViscousFriction", "rate", lambda v: -0.2 * v),
+        ("CoulombFriction", "rate", lambda v: -0.6 * np.sign(v)),
+        ("LimitSpring", "position", lambda x: -200.0 * (x - np.clip(x, -1.0, 1.0))),
+        ("DeadZone", "command", lambda u: u - np.clip(u, -0.3, 0.3)),
+        ("TorqueSpeed", "rate", lambda v: 10.0 * np.clip(1.0 - v / 8.0, 0.0, 1.0)),
+    ],
+)
+def test_the_curve_of_an_effect_is_its_law(kind, over, force, monkeypatch):
+    monkeypatch.syspath_prepend(str(HERE))
+    import effect_pages
+
+    along = np.linspace(-1.7, 1.7, 5)
+    law = effect_pages.law(effect_pages.study().entries[kind], over, along)
+    assert law == pytest.approx(force(along), abs=1e-6)
 
 
 @pytest.mark.long
