@@ -1,5 +1,6 @@
 from dataclasses import dataclass, field
 
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
 from redundant_envs.effects.numbers import Curve, Example, Numbers, not_negative, numbers, row, travel
 from redundant_envs.language.algebra import physics
@@ -54,6 +55,10 @@ class CentringSpring(Effect):
             numbers(f"CentringSpring.{name}", getattr(self, name), len(self.stiffness))
         for i, (lower, upper) in enumerate(zip(self.lower, self.upper, strict=True)):
             travel(f"CentringSpring.{{}}[{i}]", lower, upper)
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        drawn = zip(pose.arm.sliders(), self.stiffness, strict=True)
+        return tuple(one for k, stiffness in drawn if stiffness for one in shapes.spring(pose, k))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         joints = for_sliders("CentringSpring", arm.kind, arm.sliders(), len(self.stiffness))

@@ -101,6 +101,18 @@ class Disturbance(Effect):
             if getattr(self, part) is not None
         ]
 
+    def value(self, known: Mapping[str, float], entry: int) -> float:
+        """What acts now, from the effect's states: the sum of its parts."""
+        own: Any = self
+        of_entry = {name: getattr(own, name)[entry] for name in PARTS if getattr(own, name) is not None}
+        present: dict[str, Callable[[], float]] = {
+            "step": lambda: step(known["elapsed"], own.start, 0.0, of_entry["step"]),
+            "amplitude": lambda: periodic(known["angle"], own.phase[entry], of_entry["amplitude"]),
+            "density": lambda: known[f"white[{entry}]"],
+            "deviation": lambda: known[f"wander[{entry}]"],
+        }
+        return sum(present[name]() for name in of_entry)
+
 
 def moderate(field: str, value: float) -> float:
     """A positive number whose products with others neither overflow nor vanish."""

@@ -1,6 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Hook, effort_unit
 from redundant_envs.effects.numbers import Curve, Example, Numbers, each_joint, not_negative, one, strengths
 from redundant_envs.language.algebra import identity
@@ -47,6 +48,10 @@ class JointTorque(d.Disturbance):
     example = Example(
         {"step": 0.5, "start": 0.1, "amplitude": 0.5, "frequency": 2.0, "density": 0.05, "deviation": 0.5,
          "time_constant": 0.2}, curve=Curve("rate", "time", 1.0))  # fmt: skip
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        every = range(len(pose.arm.joints))
+        return tuple(arrow for k in every for arrow in shapes.twist(pose, k, self.value(pose.states, k)))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         laws = (d.step, d.periodic, identity("white"), identity("wander"))

@@ -1,5 +1,6 @@
 from dataclasses import dataclass, field
 
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
 from redundant_envs.effects.numbers import Curve, Example, not_negative, number, one, positive, travel
 from redundant_envs.language.algebra import clamp, identity, maximum, physics, where
@@ -83,6 +84,11 @@ class LimitSpring(Effect):
 
     def travel(self, arm: Arm) -> dict[int, tuple[str, str]]:
         return {arm.joint_index(self.coordinate): ("lower", "upper")}
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        """The spring while it is pressed."""
+        k = pose.arm.joint_index(self.coordinate)
+        return () if self.lower <= pose.positions[k] <= self.upper else shapes.spring(pose, k)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k = arm.joint_index(self.coordinate)

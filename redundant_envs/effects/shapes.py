@@ -52,13 +52,25 @@ class Load(NamedTuple):
     held: bool = True
 
 
+class Spring(NamedTuple):
+    """A spring, as a thin line through points."""
+
+    points: tuple[Place, ...]
+
+
+class Arrow(NamedTuple):
+    """A force or a torque: a line with a head at its end."""
+
+    points: tuple[Place, ...]
+
+
 class Ground(NamedTuple):
     """How far the base is from where it was on the ground: a grid of dots moves instead, those add up."""
 
     displacement: Place
 
 
-Shape = Circle | HalfSpace | Line | Load | Ground
+Shape = Circle | HalfSpace | Line | Load | Spring | Arrow | Ground
 
 
 class Pose:
@@ -95,6 +107,69 @@ class Pose:
         q = np.stack(np.broadcast_arrays(*self.arm.coordinates_of_joints(*phi)), axis=-1)
         points = self.arm.points(q)
         return np.concatenate([np.zeros((len(points), 1, 2)), points], axis=1)
+
+
+TURNS, COILS = 1.75, 12  # of the spring of a joint that turns, and of one that slides
+THIN, WIDE = 0.025, 0.06  # radii of a spring of a joint that turns, in units of the arm's length
+LONG = 2.0  # a force of this share of the arm's weight, the other way up, has an arrow as long as the arm
+MOST_SWEEP = 5.0  # rad: of the arrow of a torque
+
+
+def _size(arm: Arm) -> float:
+    return sum(arm.lengths) or 1.0
+
+
+def spring(pose: Pose, joint: int) -> tuple[Spring, ...]:
+    """A spring on a joint: a spiral that the joint winds up, or coils along a slider."""
+    if not pose.shows_joints or not np.isfinite(pose.q).all():
+        return ()
+    size, ends, at = _size(pose.arm), pose.ends, pose.positions[joint]
+    if pose.arm.prismatic[joint]:
+        (x, y), (dx, dy) = ends[joint], np.subtract(ends[joint + 1], ends[joint])
+        length = math.hypot(dx, dy) or 1.0
+        side = THIN * size / length
+        share = np.linspace(0.0, 1.0, 2 * COILS + 1)
+        wave = side * np.where(np.arange(len(share)) % 2, 1.0, -1.0)
+        wave[[0, -1]] = 0.0
+        points = np.stack([x + share * dx - wave * dy, y + share * dy + wave * dx], axis=1)
+    else:
+        first = _direction(pose, joint) - at
+        turn = np.linspace(0.0, 1.0, 48)
+        angle = first + turn * (2.0 * np.pi * TURNS + at)
+        radius = size * (THIN + (WIDE - THIN) * turn)
+        points = np.asarray(ends[joint]) + (radius * np.stack([np.cos(angle), np.sin(angle)])).T
+    return (Spring(tuple((float(px), float(py)) for px, py in points)),)
+
+
+def _direction(pose: Pose, joint: int) -> float:
+    """The absolute angle of the link behind a joint."""
+    (x, y), (u, v) = pose.ends[joint], pose.ends[joint + 1]
+    return math.atan2(v - y, u - x)
+
+
+def push(pose: Pose, force: Place) -> Arrow:
+    """The arrow of a force on the tip, (x, y) [N]."""
+    (x, y), scale = pose.points[-1], _length_of_newton(pose.arm)
+    return Arrow(((x, y), (x + scale * force[0], y + scale * force[1])))
+
+
+def twist(pose: Pose, joint: int, effort: float) -> tuple[Arrow, ...]:
+    """The arrow of a torque or a force [N m or N] on a joint."""
+    if not pose.shows_joints or not np.isfinite(pose.q).all():
+        return ()
+    arm, (x, y) = pose.arm, pose.ends[joint]
+    if arm.prismatic[joint]:
+        (x, y), way = pose.ends[joint + 1], _length_of_newton(arm) * effort
+        angle = _direction(pose, joint)
+        return (Arrow(((x, y), (x + way * math.cos(angle), y + way * math.sin(angle)))),)
+    sweep = _length_of_newton(arm) * effort / (WIDE * _size(arm) ** 2)
+    angles = _direction(pose, joint) + np.linspace(0.0, min(max(sweep, -MOST_SWEEP), MOST_SWEEP), 24)
+    radius = 1.3 * WIDE * _size(arm)
+    return (Arrow(tuple((x + radius * math.cos(a), y + radius * math.sin(a)) for a in angles.tolist())),)
+
+
+def _length_of_newton(arm: Arm) -> float:
+    return LONG * _size(arm) / (9.81 * sum(arm.masses))
 
 
 def shapes_of(

@@ -1,6 +1,7 @@
 from dataclasses import dataclass, field
 
 from redundant_envs.effects import disturbances as d
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Hook, Point
 from redundant_envs.effects.numbers import (
     Curve,
@@ -73,6 +74,9 @@ class TipForce(d.Disturbance):
     example = Example(
         {"step": (1.0, 0.0), "start": 0.1, "amplitude": (1.0, -1.0), "frequency": 2.0, "density": 0.1,
          "deviation": 1.0, "time_constant": 0.2}, curve=Curve("rate", "time", 1.0))  # fmt: skip
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        return (shapes.push(pose, (self.value(pose.states, 0), self.value(pose.states, 1))),)
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         tip, laws = Point(arm.num_masses - 1), (steps, oscillating, noise, wandered)

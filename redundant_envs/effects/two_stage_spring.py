@@ -1,5 +1,6 @@
 from dataclasses import dataclass, field
 
+from redundant_envs.effects import shapes
 from redundant_envs.effects.hooks import Arm, Effect, Force, Hook
 from redundant_envs.effects.limit_spring import depth_beyond
 from redundant_envs.effects.numbers import Curve, Example, not_negative, number, one, travel
@@ -59,6 +60,9 @@ class TwoStageSpring(Effect):
     @property
     def key(self) -> str:
         return f"two_stage_spring.{self.coordinate}"
+
+    def shapes(self, pose: shapes.Pose) -> tuple[shapes.Shape, ...]:
+        return shapes.spring(pose, pose.arm.joint_index(self.coordinate))
 
     def hooks(self, arm: Arm) -> tuple[Hook, ...]:
         k, switch = arm.joint_index(self.coordinate), (".lower", ".upper")

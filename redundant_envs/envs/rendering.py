@@ -13,12 +13,15 @@ from gymnasium.error import DependencyNotInstalled, Error
 from numpy.typing import NDArray
 
 from redundant_envs.effects import CentringSpring, Effect, PointMass, shapes
+from redundant_envs.effects.hooks import Sensing
 from redundant_envs.envs.arguments import reach_of
 from redundant_envs.envs.canvas import MARGIN, SIZE, SMALL_LETTERS, Canvas, Pair, Points
 from redundant_envs.envs.core import Core
 from redundant_envs.model import parameters
+from redundant_envs.model.energy import scene_quantities
 from redundant_envs.robots.arm import Arm
 from redundant_envs.scenes.scene import Scene
+from redundant_envs.simulator.lane.sensing import measured
 from redundant_envs.support import palette
 from redundant_envs.support.extras import INSTALL
 from redundant_envs.tasks.base import Task, hard_stops
@@ -29,6 +32,7 @@ success on."""
 TRAIL_LENGTH = 100
 BORDER = 1.12  # half of a picture's width, in units of the distance from the base that it shows
 GROUND = 0.25  # from one dot on the ground to the next, in units of the reach
+HEAD = 9.0  # px: of an arrow
 ARC, TICK = 24.0, 6.0  # px: radius of the travel of a joint that turns, and half the length of its ends
 NO_DISPLAY = (
     "render_mode='human' needs a display, and there is none here; make the environment with "
@@ -99,6 +103,19 @@ def _arc(canvas: Canvas, pose: shapes.Pose, joint: int, travel: Pair) -> None:
         canvas.capsule(inner, outer, 3.0, palette.RAIL)
 
 
+def _arrow(canvas: Canvas, points: Points) -> None:
+    """A line with a head, which is left out where the line is too short to have one."""
+    canvas.trail(points, 3.0, palette.FORCE, faint=1.0, strong=1.0)
+    way = points[-1] - points[-2]
+    length = float(np.hypot(*way))
+    if canvas.scale * float(np.hypot(*np.diff(points, axis=0).T).sum()) < HEAD or not length:
+        return
+    for turn in (2.6, -2.6):
+        c, s = np.cos(turn), np.sin(turn)
+        side = HEAD / canvas.scale * np.array([c * way[0] - s * way[1], s * way[0] + c * way[1]]) / length
+        canvas.capsule(points[-1], points[-1] + side, 3.0, palette.FORCE)
+
+
 def stated_limits(scene: Scene, known: Mapping[str, float] | None = None) -> dict[int, Pair]:
     """Travel of the joints that have any, from the numbers of the scene, or of one environment: joint ->
     (lower, upper), m or rad; an end without a stop is infinite. The report's centring spring names limits
@@ -161,11 +178,13 @@ class Drawing:
     def arm(
         self, canvas: Canvas, arm: Arm, q: Points, known: Mapping[str, float], scenery: Sequence[shapes.Shape]
     ) -> None:
-        """The arm with the ends of its travel, and its cables and loads."""
+        """The arm with its travel, springs, cables, loads, forces on it, and the pose that sensors read."""
         draw_links(canvas, shapes.Pose(arm, q, {}), stated_limits(self.scene, known))
         for line in (x for x in scenery if isinstance(x, shapes.Line)):
             for a, b in itertools.pairwise(line.points):
                 canvas.capsule(a, b, 3.0, palette.CABLE if line.taut else palette.SLACK)
+        for spring in (x for x in scenery if isinstance(x, shapes.Spring)):
+            canvas.trail(np.array(spring.points), 1.8, palette.CABLE, faint=1.0, strong=1.0)
         held: dict[Pair, float] = {}
         for load in (x for x in scenery if isinstance(x, shapes.Load)):
             total = held.get(load.place, 0.0) + load.mass
@@ -175,6 +194,13 @@ class Drawing:
                 canvas.disc(load.place, _radius(total, arm) + 2.0, palette.WAITING, ring=2.5)
         for place, mass in held.items():
             canvas.disc(place, _radius(mass, arm), palette.LOAD)
+        for arrow in (x for x in scenery if isinstance(x, shapes.Arrow)):
+            _arrow(canvas, np.array(arrow.points))
+        if self.scene.attached.of(Sensing) and np.isfinite(q).all():
+            read = measured(self.scene.attached, arm, scene_quantities(self.scene, q, parameters=known))
+            points = shapes.Pose(arm, np.array([float(read[name]) for name in arm.coordinates]), {}).ends
+            canvas.trail(np.array(points), 2.0, palette.READING, faint=1.0, strong=1.0)
+            canvas.disc(points[-1], 11.0, palette.READING, ring=2.0)
 
 
 def points_of(task: Task, known: Mapping[str, float]) -> Points:

@@ -280,7 +280,7 @@ def posed(*effects, **states):
     return rde.animate(dataclasses.replace(still(scene, q=(0.0, 0.5, 1.0, 0.2)), z=z)).frame(0)
 
 
-def test_obstacles_cables_loads_and_stops_are_drawn():
+def test_obstacles_cables_springs_loads_stops_forces_faults_and_readings_are_drawn():
     without = posed()
     for effect, states, name in (
         (e.Disc((-0.9, 0.5), 0.3), {}, "OBSTACLE"),
@@ -294,9 +294,19 @@ def test_obstacles_cables_loads_and_stops_are_drawn():
         (e.PickUp(0.5, 1.0), {"carried": 0.0}, "WAITING"),
         (e.JointStop((-0.5, None, None, None), (0.4, None, None, None)), {}, "RAIL"),
         (e.LimitSpring("joint1", -0.5, 0.4, 200.0, 5.0), {}, "RAIL"),
+        (e.LimitSpring("joint2", -0.5, 0.4, 200.0, 5.0), {}, "CABLE"),  # it is pressed
+        (e.TwoStageSpring("joint2", -0.5, 0.4, 5.0, 200.0), {}, "CABLE"),
+        (e.TipForce(step=(0.0, 30.0), start=0.1), {"elapsed": 0.1}, "FORCE"),
+        (e.JointTorque(deviation=0.0, time_constant=1.0), {"wander[1]": 2.0}, "FORCE"),
+        (e.MotorBrake(1, 0.1), {"active": 1.0}, "WAITING"),
+        (e.SensorBias(position=0.1), {}, "READING"),
+        (e.SensorNoise(position=0.1), {"error_of_position[0]": -0.3}, "READING"),
     ):
         counts = [(x == getattr(palette, name)).all(axis=2).sum() for x in (posed(effect, **states), without)]
         assert counts[0] > counts[1] + 20, effect
+    resting = e.TipForce(step=(0.0, 30.0), start=0.1), e.LimitSpring("joint1", 0.0, 0.4, 200.0)
+    assert all((posed(effect) != palette.FORCE).any(axis=2).all() for effect in resting)
+    assert (posed(resting[1]) != palette.CABLE).any(axis=2).all()  # it is not pressed
 
 
 def test_every_scene_and_every_effect_of_the_package_is_drawn():
