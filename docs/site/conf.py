@@ -1,9 +1,11 @@
 """Settings of Sphinx; make.py calls it on the sources that it has assembled."""
 
 import re
+from pathlib import Path
 from typing import Any
 
 import formulas
+import ranking
 
 from redundant_envs import __version__
 
@@ -16,6 +18,7 @@ html_show_copyright = False
 html_favicon = "icon.svg"
 html_static_path = ["site.css"]
 html_css_files = ["site.css"]
+html_search_scorer = str(Path(__file__).with_name("ranking.js"))
 html_title = f"redundant-envs {__version__}"
 html_copy_source = False
 highlight_language = "none"
@@ -32,6 +35,7 @@ MARKS = re.compile(r"(``.*?``|`[^`]*`)|[|*]")
 
 def setup(app: Any) -> None:
     formulas.setup(app)
+    ranking.setup(app)
     app.connect("autodoc-process-docstring", escape, priority=400)
 
 

@@ -29,11 +29,31 @@ BELOW = {"environments/index": "environments/*", "effects/README": "effects/*", 
 """Pages with further ones below them."""
 
 
+INDEX = {
+    "learners": "hyperparameters, GPU, Optuna", "control": "null space, iLQR, computed torque",
+    "accuracy": "tolerance, round-off, convergence", "gradients": "autodiff, differentiable simulation",
+    "energy": "energy balance, energy drift", "scenes": "joint limits, domain randomization",
+    "trouble": "error messages, compile cache, slow import, render_mode", "models": "SymPy, Lagrangian",
+    "browser": "WebAssembly",
+    "reference/report": "mass matrix, Lagrange's equations", "install": "pip install, requirements",
+    "effects/command_delay": "latency", "effects/keep_out": "obstacle avoidance",
+    "effects/tip_force": "wind, disturbance", "effects/limit_spring": "soft limits",
+    "extending": "plugins, custom effect, custom task", "policies": "pretrained policies, model zoo",
+    "redundancy": "benefit of redundancy", "speed": "benchmark, throughput",
+}  # fmt: skip
+"""Entries of the index and of the search: words that a page does not use, or several pages do."""
+
+
 def written(site: Path) -> None:
     """Add the tables of contents to the first page, and to those with others below them."""
     tables = [_table(_found(site, pages), caption) for caption, pages in SECTIONS.items()]
     index = site / "index.md"
     index.write_text("\n".join([index.read_text(encoding="utf-8"), *tables]), encoding="utf-8")
+    for name, entries in INDEX.items():
+        page = site / f"{name}.md"
+        page.write_text(
+            f"```{{index}} {entries}\n```\n\n{page.read_text(encoding='utf-8')}", encoding="utf-8"
+        )
     for name, pattern in BELOW.items():
         file = site / f"{name}.md"
         own = name.rpartition("/")[2]

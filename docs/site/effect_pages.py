@@ -60,7 +60,7 @@ def written(folder: Path, each: Callable[..., Iterable[Any]]) -> None:
         file = folder / f"{page}.md"
         text, cost, rest = re.split(r"(?m)^## (?:Cost|Example)\n", file.read_text(encoding="utf-8"))
         text = f"{text}{facts}\n\n## Cost\n{cost}{bill}\n\n## Example\n{rest}"
-        file.write_text(text, encoding="utf-8")
+        file.write_text(f"```{{index}} ! {page.replace('_', ' ')}\n```\n\n{text}", encoding="utf-8")
 
 
 def completed(name: str, folder: Path) -> tuple[str, str]:
@@ -71,7 +71,7 @@ def completed(name: str, folder: Path) -> tuple[str, str]:
     suffix = "svg" if (folder / f"{page}.svg").exists() else "png"
     facts = [
         f"![{words}]({page}.{suffix})",
-        f"{words} `{called(entry.effect)}`",
+        f"{words}: `{called(entry.effect)}`",
         "## Numbers",
         numbers(entry),
         hooks(entry),
@@ -213,7 +213,7 @@ def force(entry: Entry, curve: Curve, path: Path) -> str:
     figure, axes = panel(f"{curve.over} of {joint} [{unit}]", f"force [{unit_of(entry, 'force')}]")
     axes.plot(along, law(entry, curve.over, along), color=palette.VERMILION)
     save_figure(figure, path)
-    return f"The force on {joint} over its {curve.over}."
+    return f"The force on {joint} over its {curve.over}"
 
 
 def commands(scene: rde.Scene, share: float) -> Array:
@@ -235,7 +235,7 @@ def effort(entry: Entry, curve: Curve, path: Path) -> str:
     axes.plot(times, run.efforts[:, JOINT], color=palette.VERMILION, label="effort")
     axes.legend(frameon=False)
     save_figure(figure, path)
-    return f"What a motor gives for its command, at {joint}."
+    return f"What the motor of {joint} gives for its command"
 
 
 def reading(entry: Entry, curve: Curve, path: Path) -> str:
@@ -256,7 +256,7 @@ def reading(entry: Entry, curve: Curve, path: Path) -> str:
     axes.axhline(0.0, color=palette.GREY, zorder=0)
     axes.step(0.02 * np.arange(len(true)), read - true, where="post", color=palette.VERMILION)
     save_figure(figure, path)
-    return "The error of the first sensor in an episode."
+    return "The error of the first sensor in an episode"
 
 
 def motion(entry: Entry, curve: Curve, path: Path) -> str:
@@ -278,7 +278,7 @@ def motion(entry: Entry, curve: Curve, path: Path) -> str:
     axes.legend(frameon=False)
     save_figure(figure, path)
     what = "the commanded value" if shared else "the motion without it"
-    return f"A motion of FourR from rest, beside {what}."
+    return f"A motion of FourR from rest, beside {what}"
 
 
 def motions_of(pair: Any, alone: bool) -> Iterator[tuple[rde.Scene, str, str]]:
@@ -294,4 +294,4 @@ def drawn(entry: Entry, path: Path) -> str:
     scene = entry.pair.scene
     run = rde.simulate(scene, ABOVE[scene.robot.kind], np.zeros(4), np.linspace(0.0, 0.6, 61))
     imageio.imwrite(path, animate(run).frame(len(run.t) - 1))
-    return f"How pictures and clips draw it: {entry.arm.robot.kind}."
+    return f"How pictures and clips draw it, here with {scene.robot.kind}"

@@ -1,15 +1,19 @@
-"""The site of the documentation in a browser, as files: on a desk and on a telephone, light and dark."""
+"""The site in a browser, as files: its pages on a desk and on a telephone, light and dark, and its search."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
+import yaml
 
 pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[2]
 LOOKS = {"desk": (1366, "light"), "telephone": (390, "dark")}
+LOOK_UPS = Path(__file__).with_name("look_ups.yaml")
 RENDERED = {"search.html"}  # by a script of Sphinx, after it is loaded
 FAULTS = """() => {
   const found = [];
@@ -71,3 +75,16 @@ def test_every_page_can_be_read_without_a_network(look, built, chromium):
         told.clear()
     context.close()
     assert found == {}
+
+
+def test_the_search_shows_the_right_page_first(built, chromium):
+    wrong, tab = {}, chromium.new_page()
+    for sought, pages in yaml.safe_load(LOOK_UPS.read_text(encoding="utf-8")).items():
+        tab.goto(f"file://{built}/search.html?q={quote(sought)}")
+        tab.wait_for_selector("#search-results ul.search li a")
+        first = tab.get_attribute("#search-results ul.search li a >> nth=0", "href")
+        page = re.split(r"\.html|[?#]", first)[0]
+        if page not in ([pages] if isinstance(pages, str) else pages):
+            wrong[sought] = first
+    tab.close()
+    assert wrong == {}
