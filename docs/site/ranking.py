@@ -42,13 +42,15 @@ def words(text: str) -> list[str]:
 
 @functools.cache
 def runs(one: str) -> tuple[str, ...]:
-    """A word and the runs of its parts, as their stems: GoalReach, Goal, Reach; none of a number."""
+    """Stems of a word, of runs of its parts and of pairs of them: GoalReach, Goal, Reach, "Goal Reach"."""
     parts = re.findall(r"[A-Z]?[a-z0-9]+|[A-Z0-9]+(?![a-z])", one)
     if NUMBER.fullmatch(one):
         return ()
     several = range(len(parts)) if 1 < len(parts) <= MOST_PARTS else ()
     found = ["".join(parts[i:j]) for i in several for j in range(i + 1, len(parts) + 1)]
-    return tuple(dict.fromkeys(STEMMER.stemWord(each.lower()) for each in (one, *found)))
+    stems = [STEMMER.stemWord(part.lower()) for part in parts] if several else []
+    pairs = [f"{a} {b}" for a, b in itertools.pairwise(stems)]
+    return tuple(dict.fromkeys([*(STEMMER.stemWord(each.lower()) for each in (one, *found)), *pairs]))
 
 
 def counted(html: str) -> dict[str, float]:
@@ -62,7 +64,7 @@ def counted(html: str) -> dict[str, float]:
             for word in words(one.get_text(" ")):
                 counts[word] += weight
     for one in article.select(PHRASES):
-        found = words(one.get_text(" "))
+        found = [word for word in words(one.get_text(" ")) if " " not in word]
         counts.update(f"{a} {b}" for a, b in itertools.pairwise(found))
     return counts
 
