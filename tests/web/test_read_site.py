@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 LOOKS = {"desk": (1366, "light"), "telephone": (390, "dark")}
 LOOK_UPS = Path(__file__).with_name("look_ups.yaml")
 RENDERED = {"search.html"}  # by a script of Sphinx, after it is loaded
-FAULTS = """() => {
+FAULTS = """async () => {
   const found = [];
   const levels = [...document.querySelectorAll("article h1, article h2, article h3, article h4")].map(
     (one) => Number(one.tagName[1]));
@@ -41,9 +41,17 @@ FAULTS = """() => {
     const [a, b] = [light(getComputedStyle(one).color), behind(one)];
     if (Math.max(a, b) / Math.min(a, b) < 4.45) found.push(`faint: ${walk.currentNode.textContent.trim()}`);
   }
+  const shift = await new Promise((done) => {
+    let sum = 0;
+    new PerformanceObserver((list) => list.getEntries().forEach((one) => { sum += one.value; })).observe(
+      { type: "layout-shift", buffered: true });
+    setTimeout(() => done(sum), 30);
+  });
+  if (shift > 0.1) found.push(`the layout shifts by ${shift}`);
   return found;
 }"""
-"""Titles, headings in order, words for pictures, width, contrast (WCAG 2.2: 4.5, less rounding)."""
+"""Titles, headings in order, words for pictures, width, contrast (WCAG 2.2: 4.5, less rounding), and shifts
+of the layout (Lighthouse calls 0.1 good)."""
 
 
 @pytest.fixture(scope="module")
