@@ -5,20 +5,27 @@ from __future__ import annotations
 import collections
 import dataclasses
 import functools
-import inspect
 import re
-import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from described import described
 from numpy.typing import NDArray
 
 import redundant_envs as rde
 from redundant_envs.effects.hooks import Actuation, Effect, snake_case
-from redundant_envs.effects.numbers import Curve, declared_in, example_of
+from redundant_envs.effects.numbers import (
+    Curve,
+    declared_in,
+    example_of,
+    not_negative,
+    positive,
+    share,
+    strengths,
+)
 from redundant_envs.envs.animation import animate
 from redundant_envs.model.listing import Operations
 from redundant_envs.scenes import config_folder
@@ -36,6 +43,10 @@ ABOVE = {"FourR": (1.6, 1.2, 0.6, -0.2), "RPRP": (0.9, 0.2, 0.2, 0.1)}
 """Poses from which the arms fall in drawings, rad and m."""
 LARGE = 1e3  # command [N m] with which a motor gives all that it can
 SLOW = 2.0  # Hz: of commands in pictures over time
+ALLOWED = {
+    strengths: "-1e100 to 1e100", not_negative: "0 to 1e100", positive: "above 0, to 1e100", share: "0 to 1",
+}  # fmt: skip
+"""Of numbers by their checks; the descriptions of the others say it."""
 UNITS = {"position": ("rad", "m"), "rate": ("rad/s", "m/s"), "force": ("N m", "N")}
 
 Array = NDArray[np.float64]
@@ -89,17 +100,6 @@ def called(effect: Effect) -> str:
 # ---- numbers and hooks ---------------------------------------------------------------------------------
 
 
-def described(kind: type) -> dict[str, str]:
-    """The parameters of a class and of those from which it is derived, with their descriptions."""
-    found: dict[str, str] = {}
-    for base in kind.__mro__:
-        _, _, text = (inspect.cleandoc(vars(base).get("__doc__") or "")).partition("Parameters\n----------\n")
-        for names, words in re.findall(r"(?m)^(\w[\w, ]*) : .*\n((?:    .*\n?)+)", text):
-            joined = " ".join(textwrap.dedent(words).split())
-            found = {**dict.fromkeys(names.split(", "), joined), **found}
-    return found
-
-
 def numbers(entry: Entry) -> str:
     """The table of an effect's numbers: unit, default, and what its class says about them."""
     kind, units, words = (
@@ -114,8 +114,9 @@ def numbers(entry: Entry) -> str:
         unit = ", ".join(dict.fromkeys(declared.units if declared and declared.units else known))
         missing = field.default is dataclasses.MISSING
         default = "" if missing else "absent" if field.default is None else f"`{field.default!r}`"
-        rows.append((f"`{field.name}`", unit, default, roles(words[field.name])))
-    return markdown(("number", "unit", "default", "meaning"), rows, formatted=True)
+        allowed = ALLOWED.get(declared.check, "") if declared else ""
+        rows.append((f"`{field.name}`", unit, allowed, default, roles(words[field.name])))
+    return markdown(("number", "unit", "allowed", "default", "meaning"), rows, formatted=True)
 
 
 def roles(words: str) -> str:

@@ -35,9 +35,10 @@ class JointPosition(InnerControl):
 
     Parameters
     ----------
-    middle, spans : float or sequence of one for each joint
-        Position wanted by an action of 0, and how far from it one of 1 is, rad (revolute) or
-        m (prismatic); spans are positive.
+    middle : float or sequence of one for each joint
+        Position that an action of 0 commands, rad (revolute) or m (prismatic).
+    spans : float or sequence of one for each joint
+        Distance from there that an action of 1 commands, rad (revolute) or m (prismatic), positive.
     stiffness : float
         Rate of the approach per distance from the wanted position, 1/s, positive.
     speeds : float or sequence of one for each joint

@@ -128,7 +128,7 @@ def test_every_page_is_of_an_effect():
 @EVERY
 def test_a_class_describes_every_number_of_its_effect_with_its_units(name, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "docs" / "site"))
-    from effect_pages import described
+    from described import described
 
     words, entry = described(OWN[name]), STUDY.entries[name]
     assert {field.name for field in dataclasses.fields(OWN[name]) if field.init} <= words.keys()

@@ -7,6 +7,7 @@ import json
 import math
 import pickle
 import re
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,15 @@ from refusals import short
 
 import redundant_envs as rde
 from redundant_envs import effects as e
-from redundant_envs.effects.hooks import snake_case
-from redundant_envs.effects.numbers import DECLARED, example_of, of_axes, two
+from redundant_envs.effects.numbers import (
+    DECLARED,
+    example_of,
+    not_negative,
+    of_axes,
+    positive,
+    strengths,
+    two,
+)
 from redundant_envs.envs import cost
 from redundant_envs.robots.parameters import number
 from redundant_envs.scenes import config_folder
@@ -26,6 +34,7 @@ from redundant_envs.verify.checks import checks_of, random_states
 from studies.effects import load_study
 
 ROOT = Path(__file__).parents[2]
+described = runpy.run_path(str(ROOT / "docs" / "site" / "described.py"))["described"]
 ENTRIES = load_study(config_folder("studies") / "effects.yaml").entries
 """Every effect with the numbers of its example, on a bare arm."""
 EVERY = pytest.mark.parametrize("name", ENTRIES)
@@ -128,6 +137,7 @@ def test_a_motion_has_the_same_bits_without_an_effect_and_with_one_of_zero_magni
 # ---- its numbers -------------------------------------------------------------------------------------
 
 NO_NUMBERS = (math.nan, -math.inf, 10**400, "1.0", b"1", True, 1j, {})
+STRENGTHS = (not_negative, positive, strengths)
 NUMBER = r"-?\d[\d.]*(?:e-?\d+)?"
 
 
@@ -144,31 +154,30 @@ def made(field, value):
 
 
 def allowed(field):
-    """What the page of the effect says of a number."""
+    """What the class of the effect says of a number."""
     kind, f = FIELDS[field]
-    page = (ROOT / "docs" / "effects" / f"{snake_case(kind.__name__)}.md").read_text(encoding="utf-8")
-    (cell,) = re.findall(rf"^\| `{f.name}\b.*? \| [^|]*\| ([^|]*) \|$", page, re.M)
-    return cell.partition(";")[0]
+    return described(kind)[f.name]
 
 
-def beyond(text):
-    """Numbers beyond the bounds that a page states."""
-    between = re.match(rf"({NUMBER}) to ({NUMBER})?", text)
-    most = re.search(rf"(?:at most|up to) ({NUMBER})( in size)?", text)
-    low, high = between.groups() if between else (None, most and most[1])
-    if most and most[2]:
-        low = f"-{high}"
-    elif re.match("not negative|0 and more|positive|above 0", text):
+def beyond(field):
+    """Numbers beyond the bounds that a class states, and beyond the largest strength."""
+    text, strong = allowed(field), FIELDS[field][1].metadata[DECLARED].check in STRENGTHS
+    low, high = re.search(rf"({NUMBER}) to ({NUMBER})|$", text).groups()
+    least, most = (re.search(rf"{word} ({NUMBER})|$", text)[1] for word in ("at least", "positive, at most"))
+    low, high = low or least, high or most or ("1e100" if strong else None)
+    if re.search("not negative|positive", text):
         low = "0"
-    found = [0.0] if re.match("positive|above 0", text) else []
+    elif strong and not low:
+        low = "-1e100"
+    found = [0.0] if re.search("positive", text) else []
     found += [float(low) - 0.01 * abs(float(low)) or -0.1] if low else []
     return found + ([1.01 * float(high)] if high else [])
 
 
 def wrong_values(field):
-    """Values of a wrong form, and such as are beyond the bounds on the page."""
+    """Values of a wrong form, and such as are beyond its bounds."""
     value, form = usual(field), FIELDS[field][1].metadata[DECLARED].form
-    wrong = [*NO_NUMBERS, *beyond(allowed(field))]
+    wrong = [*NO_NUMBERS, *beyond(field)]
     if isinstance(value, bool):
         wrong = [1, "yes"]
     elif isinstance(value, str):
@@ -207,12 +216,13 @@ def test_one_number_serves_all_joints_and_other_counts_than_theirs_are_refused(f
         rde.Scene(FOUR_R, (made(field, (one,) * 3),))
 
 
-def test_bounds_of_pages_are_read():
-    assert {field for field in FIELDS if beyond(allowed(field))} >= {*OF_JOINTS} - {"LuGre.stiction"}
-    assert beyond("0 to 1e100; absent by default") == [-0.1, 1.01e100]
-    assert beyond("positive, at most 1e100") == [0.0, -0.1, 1.01e100]
-    assert beyond("any, up to 2 in size") == [-2.02, 2.02]
-    assert beyond("any") == []
+def test_bounds_in_the_words_of_classes_are_read():
+    assert {field for field in FIELDS if beyond(field)} >= {*OF_JOINTS} - {"LuGre.stiction"}
+    assert beyond("SensorNoise.position") == [-0.1, 1.01e100]
+    assert beyond("Lag.time_constant") == [0.0, -0.1, 1.01e100]
+    assert beyond("TipForce.step") == [-1.01e100, 1.01e100]
+    assert beyond("JointStop.restitution") == [-0.1, 1.01]
+    assert beyond("Gravity.down") == []
 
 
 @pytest.mark.parametrize("name", NAMED)
