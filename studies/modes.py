@@ -67,7 +67,7 @@ def modes_table(rows: Sequence[Mapping[str, Any]]) -> str:
     arms = {"4R": "FourR", "RPRP": "RPRP", "2R": "TwoR"}
     cells = {(r["env"].partition("/")[2].removesuffix("Reach-v0"), r["action"]): r for r in rows}
     shown = ("ns_per_step", "times_effort", "evaluations")
-    heads = ("action", *(head for arm in arms for head in (f"{arm}, ns", "times effort", "evaluations")))
+    heads = ("action", *(head for arm in arms for head in (f"{arm}, ns", "ratio to effort", "evaluations")))
     lines = []
     for mode in MODES:
         found = [cells.get((kind, mode)) for kind in arms.values()]
