@@ -75,7 +75,7 @@ def energy_changes(scene: Scene, q: Array, qd: Array, end: IntervalEnds) -> tupl
     return kinetic[1] - kinetic[0] + gained - end.work, scale, np.abs(potential[0]) + np.abs(potential[1])
 
 
-@check("energy book", at_most(OPEN))
+@check("energy balance", at_most(OPEN))
 def energy_book(trial: Sample) -> Finding:
     """Kinetic + potential - work is constant over a control interval, or over a shorter one that is calm for
     half of the states, in units of the energies involved."""

@@ -96,7 +96,7 @@ evaluators."""
 @pytest.mark.long
 @EVERY
 def test_bits_energy_evaluators_and_what_is_declared_are_right(name):
-    """Bits in any batch, order and copy; the energy book; NumPy, single numbers, tensors; potentials,
+    """Bits in any batch, order and copy; the energy balance; NumPy, single numbers, tensors; potentials,
     stiffness, damping, rates and closed forms of states."""
     report = verify(alone(name, tolerance=1e-6), 32, checks=CHECKS)
     assert report.misses == ()

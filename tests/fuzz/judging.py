@@ -147,7 +147,7 @@ def violations_of(case, tally, names):
     for name in [one for one in OF_VERIFY if one in names]:
         outcome = OF_VERIFY[name].run(trial)
         tally[f"{name} {outcome.verdict.value}"] += 1
-        # The energy book is infinite where too few motions are simulated well enough to be judged.
+        # The energy balance is infinite where too few motions are simulated well enough to be judged.
         if outcome.verdict is Verdict.MISSED and not np.isinf(outcome.finding.found):
             found.append(Violation(name, -1, -1, f"{outcome.finding.words} ({outcome.finding.where})"))
     return found

@@ -149,7 +149,7 @@ def test_every_check_of_equations_is_seen_red():
 MOTIONS = {
     "a motor without its reaction": ("motors", checks("momentum"), {"momentum"}),
     "a force that turns with the velocities": (
-        "h that does no work", checks("energy book", "time reversal"), {"time reversal"},
+        "h that does no work", checks("energy balance", "time reversal"), {"time reversal"},
     ),
     "no scaling": (
         "an inertia that is a number", checks("scaling of masses", "scaling of lengths and time"),

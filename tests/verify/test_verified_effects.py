@@ -201,7 +201,7 @@ def test_a_book_that_does_not_close_is_red(monkeypatch):
     work = rde.BatchSimulator.work.fget
     monkeypatch.setattr(rde.BatchSimulator, "work", property(lambda batch: 0.99 * work(batch)))
     (miss,) = verify(scene, STATES, checks=(energy_book,)).misses
-    assert miss.startswith("energy book: energy: kinetic + potential - work changes by up to")
+    assert miss.startswith("energy balance: energy: kinetic + potential - work changes by up to")
 
 
 RAISED = physics(lambda position, lower, upper, stiffness: 0.0 * position)

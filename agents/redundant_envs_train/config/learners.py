@@ -31,19 +31,27 @@ EntropyWeight = Annotated[
 ]
 
 RATE = (1e-12, 1.0)
-SMOOTHNESS = (0, 1000, "weight of |a(s) - a(s')|^2, at a state and the next, in the actor's loss; 0: none")
-AT_GOAL = "smoothness of steps whose reward is above the mean, those at the goal; by default smoothness"
+SMOOTHNESS = (
+    0, 1000,
+    "weight in the actor's loss of |a(s) - a(s')|^2, for a state s and the next, s'; 0: no such term",
+)  # fmt: skip
+AT_GOAL = (
+    "smoothness of steps whose reward is above the mean, which are those at the goal; if only smoothness is "
+    "given, that value"
+)
 NET = "widths of the hidden layers"
-ACTIVATION = "between layers"
+ACTIVATION = "activation function between layers"
+ADAM = "Adam's learning rate of actor and critics, at the beginning"
+CRITIC_STEPS = "gradient steps of the critics after every train_freq control steps"
 
 
 class PlainPPOSettings(Model):
     """PPO as in stable-baselines3."""
 
     n_steps: Whole = number(32, 1, 1e6, "control steps of every environment between two updates")
-    batch_size: Whole = number(1024, 2, 1e8, "samples of a minibatch; it divides num_envs * n_steps")
+    batch_size: Whole = number(1024, 2, 1e8, "samples of a minibatch, a divisor of num_envs * n_steps")
     n_epochs: Whole = number(2, 1, 1000, "passes over the samples of an update")
-    learning_rate: Real = number(2e-3, *RATE, "Adam's, at the beginning")
+    learning_rate: Real = number(2e-3, *RATE, "Adam's learning rate, at the beginning")
     schedule: Schedule = value("linear", "learning rate: constant, or linear to 0 at total_steps")
     gamma: Real = number(0.95, 0, 1, "discount per control step")
     gae_lambda: Real = number(0.9, 0, 1, "weight of longer returns in the advantages")
@@ -60,12 +68,16 @@ class PPOSettings(PlainPPOSettings):
     """PPO with averaged weights, and smooth actions: exploration noise hides in training that a policy
     trembles."""
 
-    schedule: Schedule = value("linear", "learning rate, ent_coef: constant, or linear to 0 at total_steps")
+    schedule: Schedule = value(
+        "linear", "learning rate and ent_coef: constant, or linear to 0 at total_steps"
+    )
     n_epochs: Whole = number(1, 1, 1000, "passes over the samples of an update")
-    learning_rate: Real = number(8e-3, *RATE, "Adam's, at the beginning")
+    learning_rate: Real = number(8e-3, *RATE, "Adam's learning rate, at the beginning")
     gamma: Real = number(0.97, 0, 1, "discount per control step")
     gae_lambda: Real = number(0.95, 0, 1, "weight of longer returns in the advantages")
-    average: Real = number(0.9, 0, 1 - 1e-9, "share of the average that an epoch keeps; 0: none")
+    average: Real = number(
+        0.9, 0, 1 - 1e-9, "share of the old average of the weights that an epoch keeps; 0: no average"
+    )
     smoothness: Real = number(0.3, *SMOOTHNESS)
 
 
@@ -75,17 +87,18 @@ class OffPolicySettings(Model):
     buffer_size: Whole = number(500_000, 1, 1e8, "transitions kept")
     learning_starts: Whole = number(20_000, 0, 1e9, "environment steps with random actions before learning")
     batch_size: Whole = number(256, 1, 1e6, "samples of a gradient step")
-    learning_rate: Real = number(1e-3, *RATE, "Adam's, of actor and critics, at the beginning")
+    learning_rate: Real = number(1e-3, *RATE, ADAM)
     schedule: Schedule = value("constant", "learning rate: constant, or linear to 0 at total_steps")
     gamma: Real = number(0.9, 0, 1, "discount per control step")
     train_freq: Whole = number(1, 1, 1e6, "control steps of every environment between gradient steps")
-    gradient_steps: Whole = number(8, 1, 10_000, "critic steps after each train_freq")
+    gradient_steps: Whole = number(8, 1, 10_000, CRITIC_STEPS)
     net_arch: Net = value((64, 64), NET)
     activation: Activation = value("silu", ACTIVATION)
 
 
-TAU = (1e-9, 1, "share of the critics that their targets take at a gradient step")
-DELAY = (1, 1000, "critic steps from one actor step to the next")
+TAU = (1e-9, 1, "share of the way to the critics that their targets move at a gradient step")
+KEPT = "share of the old average of the weights that an actor step keeps; 0: no average"
+DELAY = (1, 1000, "gradient steps of the critics for each gradient step of the actor")
 ENTROPY = "weight of the entropy, from 0 to 100, or auto"
 
 
@@ -100,11 +113,13 @@ class PlainSACSettings(OffPolicySettings):
 class SACSettings(PlainSACSettings):
     """SAC with an averaged, smoothed, delayed actor."""
 
-    learning_rate: Real = number(6e-3, *RATE, "Adam's, of actor and critics, at the beginning")
+    learning_rate: Real = number(6e-3, *RATE, ADAM)
     policy_delay: Whole = number(2, *DELAY)
-    rewards_ahead: Whole = number(1, 1, 100, "actions whose rewards count before the value of the next state")
+    rewards_ahead: Whole = number(
+        1, 1, 100, "rewards summed before the value of the state after them is added"
+    )
     smoothness: Real = number(0.1, *SMOOTHNESS)
-    average: Real = number(0.9995, 0, 1 - 1e-9, "share of the average that an actor step keeps; 0: none")
+    average: Real = number(0.9995, 0, 1 - 1e-9, KEPT)
 
 
 class HERSettings(SACSettings):
@@ -113,13 +128,13 @@ class HERSettings(SACSettings):
 
     buffer_size: Whole = number(500_000, 1, 1e7, "transitions kept")
     gamma: Real = number(0.95, 0, 1, "discount per control step")
-    learning_rate: Real = number(4e-3, *RATE, "Adam's, of actor and critics, at the beginning")
+    learning_rate: Real = number(4e-3, *RATE, ADAM)
     learning_starts: Whole = number(102_400, 0, 1e9, "environment steps with random actions before learning")
     smoothness: Real = number(0.05, *SMOOTHNESS)
     smoothness_at_goal: Real = number(0.6, 0, 1000, AT_GOAL)
-    gradient_steps: Whole = number(16, 1, 10_000, "critic steps after each train_freq")
+    gradient_steps: Whole = number(16, 1, 10_000, CRITIC_STEPS)
 
-    n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every goal that was asked for")
+    n_sampled_goal: Whole = number(4, 1, 100, "hindsight goals for every original goal")
     goal_selection_strategy: Literal["future", "final", "episode"] = value(
         "future", "which tip position of the same episode becomes the goal"
     )
@@ -140,19 +155,21 @@ EXPERT = "expert"  # the source of demonstrations that is no dataset
 class Demonstrations(Model):
     """Episodes that hold their goal, of which each sample of a learner has a share."""
 
-    source: Text = value(EXPERT, "expert: that of the task; or the folder or id of a Minari dataset")
-    episodes: Whole = number(1000, 1, 10_000, "played or read; those that hold their goal count")
-    share: Real = number(0.5, 0.01, 0.99, "of each sample of the learner")
+    source: Text = value(EXPERT, "expert, which is that of the task; or the folder or id of a Minari dataset")
+    episodes: Whole = number(
+        1000, 1, 10_000, "episodes played or read; only those that hold their goal are used"
+    )
+    share: Real = number(0.5, 0.01, 0.99, "share of demonstrations in each sample of the learner")
 
 
 class Curriculum(Model):
-    """Numbers of the environments that begin elsewhere, such as stronger motors, and move in a straight line
-    to their own values."""
+    """Numbers of the environments that begin with other values, such as stronger motors, and move in a
+    straight line to those of the environments."""
 
     parameters: Annotated[dict[Any, Any], Field(min_length=1)] = value(
-        ..., "their values at the beginning, by the names of env.parameters"
+        ..., "values of the numbers at the beginning, by their names in env.parameters"
     )
-    until: Real = number(0.5, 0.01, 1, "share of total_steps after which they have their own values")
+    until: Real = number(0.5, 0.01, 1, "share of total_steps after which the numbers have the values of env")
 
 
 class TD3Settings(OffPolicySettings):
@@ -168,13 +185,17 @@ class TD3Settings(OffPolicySettings):
 class TQCSettings(PlainSACSettings):
     """TQC of sb3-contrib."""
 
-    n_quantiles: Whole = number(25, 1, 1000, "of the return, that each of two critics estimates")
-    top_quantiles_to_drop_per_net: Whole = number(2, 0, 999, "of the quantiles: less than n_quantiles")
+    n_quantiles: Whole = number(25, 1, 1000, "quantiles of the return that each of two critics estimates")
+    top_quantiles_to_drop_per_net: Whole = number(
+        2, 0, 999, "largest quantiles of each critic that are left out; less than n_quantiles"
+    )
 
 
 class CrossQSettings(OffPolicySettings):
     """CrossQ of sb3-contrib: batch renormalisation instead of target networks."""
 
-    batch_size: Whole = number(256, 2, 1e6, "samples of a gradient step; one alone has no variance")
+    batch_size: Whole = number(
+        256, 2, 1e6, "samples of a gradient step; at least 2, because one has no variance"
+    )
     ent_coef: EntropyWeight = value(0.001, ENTROPY)
     policy_delay: Whole = number(3, *DELAY)

@@ -44,36 +44,45 @@ class Config(Model):
     config_version: Literal[2] = value(..., "version of this format")
     env: Text = value(..., "id of the environment, such as RPRPReach-v0, with or without redundant_envs/")
     algo: Algorithm = value("ppo", "learner")
-    seed: Whole = number(0, 0, MAX_SEEDS, "of the learner, and of all draws of the environments")
+    seed: Whole = number(
+        0, 0, MAX_SEEDS, "seed of the learner, and of all random numbers of the environments"
+    )
     num_envs: Whole = number(512, 1, SEEDS_PER_RUN, "environments in parallel")
     stagger: Flag = value(
         False, "whether first episodes begin at a random step, so that updates see all parts of episodes"
     )
-    total_steps: Whole = number(8_000_000, 1, 1e12, "environment steps in all")
+    total_steps: Whole = number(8_000_000, 1, 1e12, "environment steps in total")
     start_from: Text | None = value(
-        None, "policy to begin with: a run folder, that of an exported policy, or a policy.zip; null: none"
+        None, "policy to begin with: a run folder, an exported policy's folder, or a policy.zip; null: none"
     )
     start_from_sha256: Text | None = value(
         None, "SHA-256 of that policy.zip, written by the training; if it is given, another file is refused"
     )
-    max_seconds: Real | None = value(None, "end earlier after so much training time, s; null: only by steps")
-    torch_threads: Whole = number(1, 1, 1024, "threads of PyTorch")
-    curve_every: Whole = number(400_000, 1, 1e12, "environment steps from one point of the curve to the next")
-    curve_episodes: Whole = number(500, 1, MAX_EPISODES, "episodes of a point of the curve")
-    keep: Literal["last", "best"] = value(
-        "last", "policy of policy.zip: the last one, or that of the best point of the curve"
+    max_seconds: Real | None = value(
+        None, "most training time, s, after which the run ends early; null: no limit"
     )
-    evaluation_episodes: Whole = number(1000, 1, MAX_EPISODES, "episodes on the frozen evaluation goals")
+    torch_threads: Whole = number(1, 1, 1024, "threads of PyTorch")
+    curve_every: Whole = number(
+        400_000, 1, 1e12, "environment steps between two points of the learning curve"
+    )
+    curve_episodes: Whole = number(500, 1, MAX_EPISODES, "episodes for each point of the learning curve")
+    keep: Literal["last", "best"] = value(
+        "last",
+        "policy that is kept in policy.zip: the last one, or that of the best point of the learning curve",
+    )
+    evaluation_episodes: Whole = number(
+        1000, 1, MAX_EPISODES, "episodes of the evaluation, whose goals are always the same"
+    )
     checkpoint_seconds: Real = number(30.0, 0.0, 1e9, "training time between checkpoints; 0: none", "s")
     telemetry: tuple[Literal["tensorboard", "csv", "wandb", "mlflow"], ...] = value(
-        ("tensorboard",), "where figures are logged; wandb and mlflow only if the command itself names them"
+        ("tensorboard",), "where numbers are logged; wandb and mlflow only if they are given in the command"
     )
     env_kwargs: dict[Any, Any] = value({}, f"arguments of the environment: {', '.join(ENV_KWARGS)}")
     demonstrations: learners.Demonstrations | None = value(
         None, "episodes from which sac or her learns besides its own; null: none"
     )
     curriculum: learners.Curriculum | None = value(
-        None, "numbers of the environments that begin elsewhere, such as stronger motors; null: none"
+        None, "numbers of the environments that begin with other values, such as stronger motors; null: none"
     )
     ppo: learners.PPOSettings | None = value(None, "settings of ppo")
     sac: learners.SACSettings | None = value(None, "settings of sac")

@@ -1,4 +1,4 @@
-"""Numbers of the environments that begin elsewhere, such as stronger motors, and move to their own values."""
+"""Numbers of the environments that begin with other values, such as stronger motors, and then change."""
 
 from typing import Any
 
