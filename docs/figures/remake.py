@@ -232,7 +232,7 @@ def scene_picture(name: str) -> Any:
 
 
 def bill_picture() -> Any:
-    """Operations of one step of scenes, by what needs them."""
+    """Operations of one step in each of some scenes, by the part that needs them."""
     made = new_figure(7.0, 3.2)
     panel, at = made.subplots(), range(len(BILLED))
     scenes = [rde.load_scene(name) for name in BILLED]
@@ -251,7 +251,7 @@ def bill_picture() -> Any:
     panel.invert_yaxis()
     least, most = BILLED[int(left.argmin())], BILLED[int(left.argmax())]
     title = (
-        f"A scene pays only for what it names: {most} {left.max() / left.min():.1f} times as much as {least}"
+        f"Only used effects cost: {most} has {left.max() / left.min():.1f} times the operations of {least}"
     )
     panel.set_title(title, loc="right", fontsize="medium", fontweight="bold")
     panel.set(xlabel="operations of one rk8 step, thousands")

@@ -116,7 +116,7 @@ class SACSettings(PlainSACSettings):
     learning_rate: Real = number(6e-3, *RATE, ADAM)
     policy_delay: Whole = number(2, *DELAY)
     rewards_ahead: Whole = number(
-        1, 1, 100, "rewards summed before the value of the state after them is added"
+        1, 1, 100, "rewards that are summed before the value of the state after them (n-step return)"
     )
     smoothness: Real = number(0.1, *SMOOTHNESS)
     average: Real = number(0.9995, 0, 1 - 1e-9, KEPT)
