@@ -149,7 +149,7 @@ def run(
 
 def tasks_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Rows of :func:`run`, or of its CSV file, for tasks of all arms beside Reach: a line for each task, with
-    the rate of each arm and its share of that of Reach."""
+    the rate of each arm and its ratio to that of Reach."""
     rates = {row["env"]: float(row["vector_steps_per_s_best"]) for row in rows}
     tasks = dict.fromkeys(name.partition(KINDS[0])[2] for name in rates if KINDS[0] in name)
     lines = []
@@ -159,5 +159,5 @@ def tasks_table(rows: Sequence[Mapping[str, Any]]) -> str:
             rate, of_reach = (rates[f"{NAMESPACE}/{arm}{end}"] for end in (task, REACH))
             cells += [f"{rate / 1e6:.2f} M/s", f"{rate / of_reach:.2f}"]
         lines.append((f"`{task.removesuffix('-v0')}`", *cells))
-    heads = (head for arm in KINDS for head in (arm, "of Reach"))
+    heads = (head for arm in KINDS for head in (arm, "ratio to Reach"))
     return markdown(("task", *heads), lines, formatted=True)

@@ -75,8 +75,8 @@ def test_links_lead_to_files_and_headings(page):
         assert not anchor or anchor in anchors(file), f"{link}: {sorted(anchors(file))}"
 
 
-def test_the_way_of_one_number_has_functions_of_the_package():
-    way = text(ROOT / "docs" / "how_it_works.md").partition("## The way of one number")[2].split("```")[1]
+def test_the_path_of_one_number_has_functions_of_the_package():
+    way = text(ROOT / "docs" / "how_it_works.md").partition("## The path of one number")[2].split("```")[1]
     listed = re.findall(r"(\S+\.py): (\S+)", way)
     assert listed
     for file, function in listed:
