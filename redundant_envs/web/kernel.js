@@ -211,6 +211,12 @@ class Simulator {
     else array[row + lane] = value;
   }
 
+  /* A disc by the name of its effect. */
+  disc(key, lane = 0) {
+    const number = (name) => this.get(`${key}.${name}`, lane);
+    return { centre: [number("centre[0]"), number("centre[1]")], radius: number("radius") };
+  }
+
   /* The states of a lane, in the order of the rows. */
   states(lane = 0) {
     this._lane(lane);
@@ -271,19 +277,30 @@ class Policy {
   }
 }
 
-/* Computed torque along a minimum-jerk motion to a pose at the goal, as redundant_envs.control has it. */
+/* Computed torque along a minimum-jerk motion to a pose at the goal, as redundant_envs.control has it. Where the
+ * nearest pose or the straight way to it does not serve, others are tried: bent ways to other poses. */
 class ComputedTorque {
-  static DURATION = 1.3; // s
+  static DURATIONS = [1.3, 1.7, 2.2]; // s: the first one that motors can do
+  static SOON = 0.85; // s, to a target that moves after 0.9 s
   static FREQUENCY = 12; // rad/s
   static ITERATIONS = 60; // of the search for a pose
+  static NEAR = 1e-7; // m from the goal, where the search ends
+  static MISS = 2e-3; // m from the goal that a pose may be
+  static TRIES = 100; // other ways
+  static SAMPLES = 24; // points of a way that are looked at
+  static BEND = 0.25; // from a straight way, of the travel or a turn
+  static CLEAR = 0.025; // m of a way from discs
+  static LOAD = 0.9; // of an effort limit, on a way
+  static COSTS = { miss: 1e3, clear: 50, load: 10 }; // in rad
   static DAMPING = 1e-4;
   static MARGIN = 0.02; // share of the travel kept free at its ends
   static LARGEST_TURN = 0.3; // rad or m, of one iteration
   static TURN_SPEED = 0.8; // of the joints along the null space, rad/s and m/s
 
-  /* model: a simulator of the same environment, whose state is this controller's to change */
-  constructor(model) {
+  /* model: a simulator of the same environment, whose state is this controller's to change; discs: their names */
+  constructor(model, discs = []) {
     this._model = model;
+    this._discs = discs;
     this._motors = model.description.motors;
     if (!this._motors.limits) throw new Error("computed torque needs actions that are shares of effort limits");
     this._at = Object.fromEntries(model.description.arm.map((name, k) => [name, k]));
@@ -311,17 +328,17 @@ class ComputedTorque {
   }
 
   /* A pose with the tip at the goal, near a pose: damped Gauss-Newton in the positions of the joints. */
-  _pose(q, goal) {
+  _pose(q, goal, iterations = ComputedTorque.ITERATIONS) {
     const { map, inverse } = this._motors, n = q.length, at = this._at;
     const product = ComputedTorque.product, still = new Array(n).fill(0);
     const ranges = this._ranges();
     let phi = product(q, map), best = phi, least = Infinity;
-    for (let k = 0; k < ComputedTorque.ITERATIONS; k++) {
+    for (let k = 0; k < iterations && least > ComputedTorque.NEAR; k++) {
       const arm = this._evaluated(product(phi, inverse), still);
       const error = [goal[0] - arm[at.tip_x], goal[1] - arm[at.tip_y]], size = Math.hypot(...error);
       if (size < least) [least, best] = [size, phi];
       const jacobian = this._jacobian(arm);
-      const free = new Array(n).fill(1);
+      const free = this._movable.slice();
       let step = still;
       for (let pass = 0; pass < 3; pass++) { // joints at the end of their travel are held
         const [a, b] = jacobian.map((row) => row.map((x, j) => x * free[j]));
@@ -342,13 +359,92 @@ class ComputedTorque {
     return product(best, inverse);
   }
 
-  /* Plan a motion from coordinates to a goal [m]. */
-  begin(q, goal) {
+  /* Plan a motion from coordinates to a goal [m]; braked: a joint, counted from 0, that does not move; moving:
+   * whether act() will be told of other goals. */
+  begin(q, goal, braked = -1, moving = false) {
+    this._movable = q.map((_, j) => (j === braked ? 0 : 1));
     this._start = q.slice();
     this._goal = goal;
-    this._end = this._pose(q, goal);
+    this._durations = moving ? [ComputedTorque.SOON] : ComputedTorque.DURATIONS;
+    const way = this._way(q, goal);
+    [this._end, this._bend, this._duration] = [way.end, way.bend, way.duration];
+    this._ends = [this._end, this._end];
     this._time = this._steps = this._wanted = 0;
     this._path = new Map([[0, { pose: this._end, along: q.map((_, j) => (j ? 0 : 1)) }]]); // the first joint leads
+  }
+
+  /* The way to the nearest pose, or the best of others if that does not serve. */
+  _way(q, goal) {
+    const between = (a, b) => a.map((x, j) => (x + b[j]) / 2), near = this._pose(q, goal);
+    let best = this._judged(near, between(q, near), goal);
+    const { product, TRIES, BEND } = ComputedTorque, { map, inverse } = this._motors, ranges = this._ranges();
+    const phi = product(q, map);
+    let number = 1; // of a linear congruential generator
+    const draw = () => (number = (Math.imul(number, 1664525) + 1013904223) >>> 0) / 2 ** 31 - 1;
+    const within = (x, j) => (this._movable[j] ? Math.min(ranges[j][1], Math.max(ranges[j][0], x)) : phi[j]);
+    const span = ranges.map(([low, high]) => Math.min(2 * Math.PI, high - low));
+    for (let k = 0; k < TRIES && best.bad; k++) { // bends of the best way so far, or ways to another pose in turn
+      const other = phi.map((x, j) => within(x + span[j] * draw(), j));
+      const pose = k % 2 ? best.end : this._pose(product(other, inverse), goal), straight = between(q, pose);
+      const bend = product(k % 2 ? best.bend : straight, map).map((x, j) => within(x + BEND * span[j] * draw(), j));
+      for (const one of [straight, product(bend, inverse)]) {
+        const judged = this._judged(pose, one, goal);
+        if (judged.cost < best.cost) best = judged;
+      }
+    }
+    return best;
+  }
+
+  /* A way with its duration and its cost; whether it is bad: misses the goal, meets a disc or is too heavy. */
+  _judged(end, bend, goal) {
+    const { product, SAMPLES, MISS, CLEAR, LOAD, COSTS } = ComputedTorque, { map } = this._motors;
+    const still = end.map(() => 0), arm = this._evaluated(end, still), at = this._at;
+    let bad = COSTS.miss * Math.max(0, Math.hypot(goal[0] - arm[at.tip_x], goal[1] - arm[at.tip_y]) - MISS);
+    const places = Array.from({ length: SAMPLES + 1 }, (_, k) => k / SAMPLES);
+    for (const s of this._discs.length ? places : []) {
+      const [place] = this._reference(s, 1, end, bend, still, still), values = this._evaluated(place, still);
+      bad += COSTS.clear * Math.max(0, CLEAR - this._gap(values));
+    }
+    let duration = 0, load = Infinity;
+    for (const seconds of this._durations) {
+      if (load > LOAD) {
+        duration = seconds;
+        load = Math.max(...places.map((s) => Math.max(...this._shares(
+          ...this._reference(s, seconds, end, bend, still, still)).map(Math.abs))));
+      }
+    }
+    bad += COSTS.load * Math.max(0, load - LOAD);
+    const far = (a, b) => Math.hypot(...product(a.map((x, j) => x - b[j]), map));
+    return { end, bend, duration, bad, cost: bad + far(this._start, bend) + far(bend, end) };
+  }
+
+  /* Distance of the links from the discs, m. */
+  _gap(arm) {
+    const points = [[0, 0]], at = this._at;
+    for (let k = 1; `x${k}` in at; k++) points.push([arm[at[`x${k}`]], arm[at[`y${k}`]]]);
+    return Math.min(...this._discs.map((key) => ComputedTorque.gap(points, this._model.disc(key))));
+  }
+
+  /* Distance of a line through points from a disc, m. */
+  static gap(points, { centre, radius }) {
+    return Math.min(...points.slice(1).map((b, k) => {
+      const a = points[k], way = [b[0] - a[0], b[1] - a[1]], to = [centre[0] - a[0], centre[1] - a[1]];
+      const share = (way[0] * to[0] + way[1] * to[1]) / Math.max(way[0] ** 2 + way[1] ** 2, 1e-12);
+      const t = Math.min(1, Math.max(0, share));
+      return Math.hypot(to[0] - t * way[0], to[1] - t * way[1]) - radius;
+    }));
+  }
+
+  /* Place, rates and accelerations at a share of the time of a way, whose end may move: a curve of second order. */
+  _reference(s, duration, end, bend, rates, accelerations) {
+    const u = s ** 3 * (10 - 15 * s + 6 * s * s), v = (30 * s * s * (1 - s) ** 2) / duration;
+    const w = (60 * s * (1 - 3 * s + 2 * s * s)) / duration ** 2, a = this._start;
+    return [
+      end.map((e, i) => (1 - u) ** 2 * a[i] + 2 * u * (1 - u) * bend[i] + u * u * e),
+      end.map((e, i) => 2 * v * ((1 - u) * (bend[i] - a[i]) + u * (e - bend[i])) + u * u * rates[i]),
+      end.map((e, i) => 2 * w * ((1 - u) * (bend[i] - a[i]) + u * (e - bend[i]))
+        + 2 * v * v * (a[i] - 2 * bend[i] + e) + u * u * accelerations[i]),
+    ];
   }
 
   /* Turn the arm while its tip stays: the way of the joints along the null space from the planned pose. */
@@ -371,7 +467,7 @@ class ComputedTorque {
   _beside({ pose, along }, change) {
     const { map, inverse } = this._motors, phi = ComputedTorque.product(pose, map), ranges = this._ranges();
     const rows = this._jacobian(this._evaluated(pose, pose.map(() => 0)));
-    const dot = (u, v) => u.reduce((sum, x, j) => sum + x * v[j], 0), movable = phi.map(() => 1);
+    const dot = (u, v) => u.reduce((sum, x, j) => sum + x * v[j], 0), movable = this._movable.slice();
     let free = along;
     for (let pass = 0; pass < phi.length; pass++) { // joints at the end of their travel are held
       const [a, b, led] = [...rows, along].map((row) => row.map((x, j) => x * movable[j]));
@@ -402,17 +498,27 @@ class ComputedTorque {
     });
   }
 
-  /* The action in a state, one control step after the previous one. */
-  act(q, qd) {
-    const T = ComputedTorque.DURATION, w = ComputedTorque.FREQUENCY, s = Math.min(1, this._time / T);
-    const turning = this._turning();
+  /* Move the end of the plan to a pose at the goal of the next step; rates and accelerations. */
+  _following(next) {
+    const [before, now] = this._ends, after = this._pose(now, next, 5), dt = this._dt;
+    this._ends = [now, after];
+    this._end = now;
+    return [now.map((_, i) => (after[i] - before[i]) / (2 * dt)),
+      now.map((x, i) => (after[i] - 2 * x + before[i]) / (dt * dt))];
+  }
+
+  /* The action in a state, one control step after the previous one; next: where a moving goal is after it. */
+  act(q, qd, next = null) {
+    const w = ComputedTorque.FREQUENCY, s = Math.min(1, this._time / this._duration);
+    const moves = next ? this._following(next) : [this._turning(), q.map(() => 0)];
     this._time += this._dt;
-    const acceleration = q.map((x, i) => {
-      const distance = this._end[i] - this._start[i];
-      const share = s ** 3 * (10 - 15 * s + 6 * s * s), place = this._start[i] + distance * share;
-      const rate = (distance * 30 * s * s * (1 - s) ** 2) / T + turning[i] * share;
-      return (distance * 60 * s * (1 - 3 * s + 2 * s * s)) / (T * T) + 2 * w * (rate - qd[i]) + w * w * (place - x);
-    });
+    const [place, rate, wanted] = this._reference(s, this._duration, this._end, this._bend, ...moves);
+    const acceleration = wanted.map((x, i) => x + 2 * w * (rate[i] - qd[i]) + w * w * (place[i] - q[i]));
+    return this._shares(q, qd, acceleration).map((x) => Math.min(1, Math.max(-1, x)));
+  }
+
+  /* Efforts for accelerations, as shares of their limits. */
+  _shares(q, qd, acceleration) {
     const arm = this._evaluated(q, qd), at = this._at, { map, inverse, limits, friction } = this._motors;
     const forces = acceleration.map((_, i) => acceleration.reduce(
       (sum, x, j) => sum + arm[at[`M${i + 1}${j + 1}`]] * x, arm[at[`h${i + 1}`]] + arm[at[`G${i + 1}`]]));
@@ -420,7 +526,7 @@ class ComputedTorque {
     return inverse.map((row, i) => {
       const needed = row.reduce((sum, x, j) => sum + x * forces[j], 0);
       const opposed = friction ? this._model.get(friction[i]) * rates[i] : 0;
-      return Math.min(1, Math.max(-1, (needed + opposed) / this._model.get(limits[i])));
+      return (needed + opposed) / this._model.get(limits[i]);
     });
   }
 }

@@ -1,4 +1,5 @@
-"""A page in which the arms of the Reach environments move: files that a browser opens, without a server.
+"""A page in which arms reach, go around discs, track and lose a motor: files that a browser opens, without a
+server.
 
 All that the page shows of a scene is in its data: modules, names and ranges of numbers, bills, trained
 policies, and digests of this machine's bits. Its scripts know no scene.
@@ -6,10 +7,11 @@ policies, and digests of this machine's bits. Its scripts know no scene.
 
 import base64
 import dataclasses
-import gzip
 import hashlib
 import itertools
+import lzma
 import struct
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,26 +19,44 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from redundant_envs.effects import Effect, EffortLimits, Gravity, PrismaticStop, TipForce, ViscousFriction
+from redundant_envs.effects import (
+    Effect,
+    EffortLimits,
+    Gravity,
+    KeepOut,
+    PrismaticStop,
+    TipForce,
+    ViscousFriction,
+)
+from redundant_envs.effects.motor_faults import MotorFault
 from redundant_envs.envs.core import Core
-from redundant_envs.envs.registration import SCENES, id_of
+from redundant_envs.envs.registration import id_of, scene_of
 from redundant_envs.model.listing import Operations, bill
 from redundant_envs.scenes.scene import Scene, load_scene
 from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.simulator.lane.faults import Fault
 from redundant_envs.support.bounded import read_arrays
 from redundant_envs.support.disk import check_plain, write_text
-from redundant_envs.tasks import ReachTask
+from redundant_envs.tasks.base import Task
+from redundant_envs.tasks.reach import ReachTask
+from redundant_envs.tasks.reach_around import ReachAroundTask
+from redundant_envs.tasks.reach_fault import ReachFaultTask
+from redundant_envs.tasks.track import TrackTask
 from redundant_envs.web.module import HOST, as_json, environment_module
 
 SOURCES = (Path(__file__).parent / "site" / "index.html", HOST, Path(__file__).parent / "site" / "page.js")
 DATA = "data.js"
 ARMS = ("RPRP", "FourR")
+TASKS = (ReachTask(), ReachAroundTask(), TrackTask(), ReachFaultTask())
+PAIRS = [*itertools.product(ARMS, TASKS)]
 LEARNERS = ("sac", "ppo")  # whose policies the page takes, from folders such as RPRPReach-v0-sac
 POLICIES = Path(__file__).parents[2] / "policies"  # of the source tree; a wheel has none
 LARGEST_PUSH = 100.0  # N
 CHECKED_STEPS, CHECKED_KEY = 1000, (1, 2, 3, 4)  # whose digest is compared
 FNV_OFFSET, FNV_PRIME, WORD = 0xCBF29CE484222325, 0x100000001B3, 2**64  # FNV-1a on words of 64 bits
+PACKING = {"id": lzma.FILTER_LZMA1, "preset": 9 | lzma.PRESET_EXTREME, "lc": 2, "lp": 0, "pb": 0}
+"""What page.js can unpack: the modules, which are alike, take half of what gzip makes of them."""
+SHARES = 2**15 - 1  # of the largest weight of a policy: the page has weights of 16 bits
 HIDDEN, OUTPUTS = ("silu", "tanh", "relu"), ("tanh", "clip")  # what policies apply after layers, at the end
 FAULTS = {
     Fault.NON_FINITE: "a state is no finite number",
@@ -87,9 +107,10 @@ def write(folder: Path, policies: Path | None = None) -> tuple[list[Path], list[
         text = "".join(f"{line.lstrip()}\n" for line in lines)  # without indentation, 5 kB less
         write_text(path, with_digest(text) if path.suffix == ".html" else text)
     content, learners = _content(policies)
-    # 4 bytes in 5 characters, in place of 3 in 4.
-    packed = base64.b85encode(gzip.compress(content, 9, mtime=0)).decode()
-    write_text(data, f'"use strict";\nconst DATA = "{packed}";\n')
+    packed = struct.pack("<II", len(content), zlib.adler32(content))
+    packed += lzma.compress(content, lzma.FORMAT_RAW, filters=[PACKING])
+    text = base64.b85encode(packed).decode()  # 4 bytes in 5 characters, in place of 3 in 4
+    write_text(data, f'"use strict";\nconst DATA = "{text}";\n')
     return [*paths, data], learners
 
 
@@ -102,35 +123,43 @@ def _content(policies: Path | None) -> tuple[bytes, list[str]]:
         rest.extend(part)
         return [len(rest) - len(part), len(part)]
 
-    arms = {arm: _of_arm(arm, policies, add_bytes) for arm in ARMS}
+    pairs = {f"{arm}{task.name}": _of_pair(arm, task, policies, add_bytes) for arm, task in PAIRS}
     text = as_json({
-        "arms": arms, "most_push": LARGEST_PUSH, "bill_columns": Operations._fields,
+        "arms": ARMS, "tasks": [task.name for task in TASKS], "pairs": pairs,
+        "most_push": LARGEST_PUSH, "bill_columns": Operations._fields,
         "faults": {int(fault): f"{fault.name}: {said}" for fault, said in FAULTS.items()},
     }).encode()  # fmt: skip
-    learners = [f"{name} of {arm}" for arm, about in arms.items() for name in about["policies"]]
+    learners = [f"{name} of {pair}" for pair, about in pairs.items() for name in about["policies"]]
     return struct.pack("<I", len(text)) + text + rest, learners
 
 
-def _of_arm(arm: str, policies: Path | None, add_bytes: Any) -> dict[str, Any]:
-    scene = page_scene(arm)
-    code, description = environment_module(scene, ReachTask(), endless=True)
+def _of_pair(arm: str, task: Task, policies: Path | None, add_bytes: Any) -> dict[str, Any]:
+    """What the page knows of an arm in a task."""
+    scene = page_scene(arm, task)
+    code, description = environment_module(scene, task, endless=True)
     place, switches, entries = add_bytes(code), _switches(scene), {}
     for learner in LEARNERS if policies is not None else ():
-        path = policies / f"{arm}Reach-v0-{learner}" / "policy.npz"  # type: ignore[operator]
+        path = policies / f"{arm}{task.name}-v0-{learner}" / "policy.npz"  # type: ignore[operator]
         if path.is_file():
             about, weights = policy(path, len(description["observation"]), description["actions"])
-            # First bytes, second bytes and so on: alike ones together take less when they are packed.
-            planes = weights.astype("<f4").view(np.uint8).reshape(-1, 4).T.tobytes()
-            entries[learner.upper()] = {**about, "weights": add_bytes(planes)}
+            scale = float(np.abs(weights).max()) / SHARES
+            # First bytes, then second bytes: alike ones together take less when they are packed.
+            planes = np.rint(weights / scale).astype("<i2").view(np.uint8).reshape(-1, 2).T.tobytes()
+            entries[learner.upper()] = {**about, "scale": scale, "weights": add_bytes(planes)}
     return {
-        "id": id_of(arm, "Reach"),
+        "id": id_of(arm, task.name),
+        "task": task.name,
+        "steps": task.steps,
+        "joints": scene.robot.joints,
+        "discs": [effect.key for effect in scene.effects if isinstance(effect, KeepOut)],
+        "fault": next((effect.key for effect in scene.effects if isinstance(effect, MotorFault)), None),
         "description": description,
         "code": place,
         "policies": entries,
         "sliders": [slider._asdict() for slider in _sliders(scene)],
         "switches": switches,
-        "bills": _bills(scene, [switch["key"] for switch in switches]),
-        "check": {"key": CHECKED_KEY, "steps": CHECKED_STEPS, "digest": digest(scene)},
+        "bills": _bills(scene, task, [switch["key"] for switch in switches]),
+        "check": {"key": CHECKED_KEY, "steps": CHECKED_STEPS, "digest": digest(scene, task)},
     }
 
 
@@ -141,9 +170,9 @@ def with_digest(html: str) -> str:
     return html.replace("'STYLE'", f"'sha256-{digest}'")
 
 
-def page_scene(arm: str) -> Scene:
-    """The scene of an arm's environments with a force at the tip, by which readers push it."""
-    scene = load_scene(SCENES[arm])
+def page_scene(arm: str, task: Task) -> Scene:
+    """The scene of an arm in a task with a force at the tip, by which readers push it."""
+    scene = load_scene(scene_of(arm, task.name))
     return dataclasses.replace(scene, effects=(*scene.effects, TipForce(step=(0.0, 0.0))))
 
 
@@ -180,18 +209,18 @@ def _switches(scene: Scene) -> list[dict[str, Any]]:
     return switches
 
 
-def _bills(scene: Scene, keys: list[str]) -> dict[str, Any]:
+def _bills(scene: Scene, task: Task, keys: list[str]) -> dict[str, Any]:
     """Bills of the scene without each subset of the effects that can be off, by their keys."""
     bills = {}
     for off in (off for count in range(len(keys) + 1) for off in itertools.combinations(keys, count)):
         rest = tuple(effect for effect in scene.effects if effect.key not in off)
-        bills["+".join(off)] = bill(dataclasses.replace(scene, effects=rest), task=ReachTask())
+        bills["+".join(off)] = bill(dataclasses.replace(scene, effects=rest), task=task)
     return bills
 
 
-def digest(scene: Scene) -> str:
+def digest(scene: Scene, task: Task) -> str:
     """A digest of the states of an episode with actions that are the same everywhere, of this machine."""
-    core = Core(scene, 1, ReachTask())
+    core = Core(scene, 1, task)
     core.keys[:], core.waiting[:] = CHECKED_KEY, True
     core.begin(np.ones(1, dtype=bool), {})
     state_hash, states, number = FNV_OFFSET, core.memory.arrays["state"][0], 1

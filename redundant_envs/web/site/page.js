@@ -4,14 +4,42 @@
 /* ---- the worker: its text, with the classes of kernel.js, becomes a Blob, which works in files, too ------------- */
 
 function work() {
-  const TIMED_STEPS = 20, TIMED_FOR = 5, TIME_EVERY = 500, QUICK = 5, REFERENCE = 1e-13, TRIAL_STEPS = 100;
+  const TIMED_STEPS = 20, TIMED_FOR = 5, TIME_EVERY = 500, QUICK = 5, REFERENCE = 1e-13;
   const arms = {};
   let now = null; // the arm, its simulators and its movers
   let numbers = {}, timedAt = 0, microseconds = null, tried = null;
 
   const state = (simulator, lane) => [simulator.coordinates, simulator.rates].map(
     (names) => names.map((name) => simulator.get(name, lane)));
-  const goalOf = (simulator) => [simulator.get("goal_x"), simulator.get("goal_y")];
+  const goalOf = (simulator, lane = 0) => ["goal_x", "goal_y"].map((axis) => simulator.get(axis, lane));
+  const drawn = (arm) => Object.keys(arm.about.description.scene.randomize ?? {}); // parameters, by episodes
+  const moving = (arm) => "phase" in arm.about.description.rows.state; // whether the goal follows a path
+
+  /* The point of the path of a moving goal at an angle, as redundant_envs.tasks.parts.curve has it. */
+  function pathAt(simulator, lane, angle) {
+    const of = (name) => simulator.get(name, lane), s = Math.sin(angle), c = Math.cos(angle);
+    const x = of("along") * c, y = of("across") * (of("eight") > 0.5 ? 2 * s * c : s);
+    const [sine, cosine] = [of("tilt_s"), of("tilt_c")];
+    return [of("centre_x") + x * cosine - y * sine, of("centre_y") + x * sine + y * cosine];
+  }
+
+  /* Where a moving goal is after the next step. */
+  function ahead(simulator, lane) {
+    const of = (name) => simulator.get(name, lane);
+    const ramp = Math.min(1, Math.max(0, (of("steps") * of("interval") - of("wait")) / of("rise")));
+    return pathAt(simulator, lane, of("phase") + of("spin") * of("interval") * ramp);
+  }
+
+  /* The joint that has failed, counted from 0, or -1. */
+  function failed({ about: { fault } }, simulator, lane) {
+    return fault && simulator.get(`${fault}.active`, lane) ? simulator.get(`${fault}.joint`, lane) : -1;
+  }
+
+  /* Take over what an episode drew, for a simulator beside the first one. */
+  function share(arm, from, to, lane = null) {
+    for (const name of drawn(arm)) to.set(name, from.get(name, lane ?? 0));
+    to.prepare();
+  }
 
   /* A mover: begin(simulator, lane) when there is a new goal, act(simulator, lane) in every step. */
   const movers = {
@@ -21,11 +49,19 @@ function work() {
       return { begin() {}, act: (simulator, lane) => learned.act(simulator.observation(lane)) };
     },
     torque: (arm) => {
-      const model = new Simulator(arm.about.description, arm.module), controller = new ComputedTorque(model);
-      return {
-        model, begin: (simulator, lane) => controller.begin(state(simulator, lane)[0], goalOf(simulator)),
-        act: (simulator, lane) => controller.act(...state(simulator, lane)), turn: (way) => controller.turn(way),
+      const model = new Simulator(arm.about.description, arm.module);
+      const controller = new ComputedTorque(model, arm.about.discs);
+      let braked = -1;
+      const begin = (simulator, lane) => {
+        share(arm, simulator, model, lane);
+        braked = failed(arm, simulator, lane);
+        controller.begin(state(simulator, lane)[0], goalOf(simulator, lane), braked, moving(arm));
       };
+      const act = (simulator, lane) => {
+        if (failed(arm, simulator, lane) !== braked) begin(simulator, lane);
+        return controller.act(...state(simulator, lane), moving(arm) ? ahead(simulator, lane) : null);
+      };
+      return { model, begin, act, turn: (way) => controller.turn(way) };
     },
     nobody: (arm) => {
       const rest = new Float32Array(arm.about.description.actions);
@@ -52,19 +88,28 @@ function work() {
     return { name, arm, main, reference, timed, kinds, movers: kinds.map((kind) => movers[kind](arm, policy)) };
   }
 
-  /* The movers plan again; the goal stays within reach. */
+  /* The movers plan again, before the next step: there may be more changes until then. The goal stays within
+   * reach. */
   function plan() {
-    const goal = goalOf(now.main), [inner, outer] = range(), distance = Math.hypot(...goal) || 1e-9;
-    const scale = Math.min(outer, Math.max(inner, distance)) / distance;
-    if (scale !== 1) ["goal_x", "goal_y"].forEach((axis, k) => now.main.set(axis, goal[k] * scale));
+    if (!moving(now.arm)) {
+      const goal = goalOf(now.main), [inner, outer] = range(), distance = Math.hypot(...goal) || 1e-9;
+      const scale = Math.min(outer, Math.max(inner, distance)) / distance;
+      if (scale !== 1) ["goal_x", "goal_y"].forEach((axis, k) => now.main.set(axis, goal[k] * scale));
+    }
     now.main.observe();
-    now.movers.forEach((mover, lane) => mover.begin(now.main, lane));
+    now.planned = false;
   }
 
-  /* A goal is new: how long it takes counts from now on. */
+  function planned() {
+    if (!now.planned) now.movers.forEach((mover, lane) => mover.begin(now.main, lane));
+    now.planned = true;
+  }
+
+  /* A goal is new, or a disc elsewhere: time and touches count from now on. */
   function aimed() {
-    plan();
     now.main.set("hold", 0);
+    if (now.arm.about.discs.length) now.main.set("struck", 0);
+    plan();
     now.steps = 0;
     now.held = now.kinds.map(() => null);
   }
@@ -76,7 +121,9 @@ function work() {
     return [...lengths, ...upper].reduce((sum, name) => sum + now.main.get(name), 0);
   }
 
-  const range = () => ["inner", "outer"].map((name) => now.main.get(name) * reach());
+  function range() {
+    return moving(now.arm) ? [0, Infinity] : ["inner", "outer"].map((name) => now.main.get(name) * reach());
+  }
 
   /* Time the step that begins in the states of the reference: clocks of browsers are too coarse for one. */
   function timed() {
@@ -96,6 +143,7 @@ function work() {
   /* One control step of all movers, and of the reference from the same states. */
   function step(push) {
     const { main, reference } = now, lanes = now.kinds.map((_, lane) => lane);
+    planned();
     for (const [name, value] of push) for (const one of [main, reference, now.timed]) one.set(name, value);
     for (const lane of lanes) {
       main.actions(lane).set(now.movers[lane].act(main, lane));
@@ -129,10 +177,18 @@ function work() {
       for (let k = 1; at.includes(`x${k}`); k++) places.push([values[at.indexOf(`x${k}`)], values[at.indexOf(`y${k}`)]]);
       return places;
     });
+    const { discs, fault } = arm.about, moves = moving(arm), each = (tell) => now.kinds.map((_, lane) => tell(lane));
+    const turn = moves ? Array.from({ length: 97 }, (_, k) => pathAt(main, 0, (2 * Math.PI * k) / 96)) : [];
     return {
       arm: now.name, kinds: now.kinds, points, goal: goalOf(main), reach: reach(), held: now.held, steps: now.steps,
-      holding: now.kinds.map((_, lane) => Boolean(main.output("is_success", lane))),
-      range: range(), dt: description.control_dt, tolerance: main.get("goal_tolerance") * reach(),
+      holding: each((lane) => Boolean(main.output("is_success", lane))), path: turn,
+      range: range(), dt: description.control_dt,
+      tolerance: main.get(moves ? "track_tolerance" : "goal_tolerance") * reach(),
+      discs: discs.map((key) => main.disc(key)).map((disc) => (
+        { ...disc, touched: points.some((places) => ComputedTorque.gap(places, disc) < 0) })),
+      struck: each((lane) => Boolean(discs.length && main.get("struck", lane))),
+      failed: failed(arm, main, 0), failedAt: fault ? main.get(`${fault}.at`) : null,
+      worst: each((lane) => (moves ? main.get("worst", lane) : null)), settle: moves ? main.get("settle") : null,
       costs: now.costs, microseconds, episode: now.episode, order: now.order,
     };
   }
@@ -147,8 +203,10 @@ function work() {
         now.policy = policy;
       }
       numbers = values;
+      now.main.restart(); // discs that were moved are drawn again
       apply(all());
       now.main.reset(key, null, goal ? { goal } : {});
+      for (const other of [now.reference, now.timed]) share(now.arm, now.main, other);
       Object.assign(now, { costs: null, faults: [], episode, order });
       microseconds = null;
       aimed();
@@ -169,7 +227,18 @@ function work() {
       aimed();
       return told();
     },
+    place({ disc, centre, order }) {
+      const key = now.arm.about.discs[disc];
+      for (const one of [now.main, now.reference, now.timed]) {
+        centre.forEach((value, k) => one.set(`${key}.centre[${k}]`, value));
+        one.prepare();
+      }
+      now.order = order;
+      aimed();
+      return told();
+    },
     turn({ way }) {
+      planned();
       for (const mover of now.movers) mover.turn?.(way);
       return {};
     },
@@ -193,7 +262,7 @@ function work() {
       for (let k = 0; k < goals; k++) {
         simulator.reset(crypto.getRandomValues(new Uint32Array(4)));
         mover.begin(simulator, 0);
-        for (let i = 0; i < TRIAL_STEPS && !simulator.output("terminated"); i++) {
+        for (let i = 0; i < arms[name].about.steps && !simulator.output("terminated"); i++) {
           simulator.actions().set(mover.act(simulator, 0));
           simulator.step();
         }
@@ -247,21 +316,121 @@ function bytesOf(text) {
   return new Uint8Array(bytes.buffer, 0, 4 * count - missing);
 }
 
-/* Single-precision numbers from the planes of their bytes. */
-function numbersOf(planes) {
-  const bytes = new Uint8Array(planes), count = bytes.length / 4;
-  return new Float32Array(Uint8Array.from(bytes, (_, k) => bytes[count * (k % 4) + (k >> 2)]).buffer);
+/* Bytes that LZMA has packed, as PACKING of page.py says: how often each choice was taken in its place so far
+ * tells how many bits of the text it takes. */
+function unpackedBytes(packed, length) {
+  const LITERAL = 2, STATES = 12, out = new Uint8Array(length), last = [0, 0, 0, 0];
+  let free = 0, range = 0xffffffff, code = 0, at = 1, count = 0, state = 0;
+  const take = (size) => (free += size) - size;
+  const [match, again, first, second, third, long] = [1, 1, 1, 1, 1, 1].map(() => take(STATES));
+  const [lengths, lengthsAgain] = [take(274), take(274)];
+  const [slots, near, align, literals] = [take(256), take(128), take(16), take(0x300 << LITERAL)];
+  const shares = new Uint16Array(free).fill(1024);
+  const more = () => {
+    if (range < 2 ** 24) {
+      range *= 256;
+      code = ((code << 8) | packed[at++]) >>> 0;
+    }
+  };
+  for (let k = 0; k < 4; k++) code = ((code << 8) | packed[at++]) >>> 0;
+  const bit = (place) => {
+    const share = shares[place], bound = (range >>> 11) * share, taken = code >= bound;
+    if (taken) {
+      range -= bound;
+      code -= bound;
+      shares[place] = share - (share >> 5);
+    } else {
+      range = bound;
+      shares[place] = share + ((2048 - share) >> 5);
+    }
+    more();
+    return taken ? 1 : 0;
+  };
+  const tree = (place, bits) => {
+    let node = 1;
+    for (let k = 0; k < bits; k++) node = 2 * node + bit(place + node);
+    return node - (1 << bits);
+  };
+  const backwards = (place, bits) => {
+    let node = 1, value = 0;
+    for (let k = 0; k < bits; k++) {
+      const one = bit(place + node);
+      node = 2 * node + one;
+      value |= one << k;
+    }
+    return value;
+  };
+  const sizeAt = (place) => {
+    if (!bit(place)) return 2 + tree(place + 2, 3);
+    return bit(place + 1) ? 18 + tree(place + 18, 8) : 10 + tree(place + 10, 3);
+  };
+  const distance = (size) => {
+    const slot = tree(slots + 64 * Math.min(size - 2, 3), 6), bits = (slot >> 1) - 1;
+    if (slot < 4) return slot;
+    const start = (2 | (slot & 1)) * 2 ** bits;
+    if (slot < 14) return start + backwards(near + start - slot, bits);
+    let value = 0;
+    for (let k = 4; k < bits; k++) {
+      range >>>= 1;
+      const one = code >= range ? 1 : 0;
+      if (one) code -= range;
+      value = 2 * value + one;
+      more();
+    }
+    return start + 16 * value + backwards(align, 4);
+  };
+  while (count < length) {
+    if (!bit(match + state)) {
+      const place = literals + 0x300 * ((count ? out[count - 1] : 0) >> (8 - LITERAL));
+      let symbol = 1;
+      if (state >= 7) {
+        for (let guess = out[count - last[0] - 1], same = true; symbol < 256 && same; guess <<= 1) {
+          const expected = (guess >> 7) & 1, one = bit(place + ((1 + expected) << 8) + symbol);
+          symbol = 2 * symbol + one;
+          same = one === expected;
+        }
+      }
+      while (symbol < 256) symbol = 2 * symbol + bit(place + symbol);
+      out[count++] = symbol;
+      state = state < 4 ? 0 : state - (state < 10 ? 3 : 6);
+      continue;
+    }
+    let size = 1, which = -1; // of the last distances, or a new one
+    if (bit(again + state)) which = !bit(first + state) ? 0 : !bit(second + state) ? 1 : 2 + bit(third + state);
+    if (which < 0) {
+      size = sizeAt(lengths);
+      last.unshift(distance(size));
+      last.pop();
+      state = state < 7 ? 7 : 10;
+    } else if (which > 0 || bit(long + state)) {
+      size = sizeAt(lengthsAgain);
+      last.unshift(...last.splice(which, 1));
+      state = state < 7 ? 8 : 11;
+    } else state = state < 7 ? 9 : 11;
+    for (; size > 0; size--, count++) out[count] = out[count - last[0] - 1];
+  }
+  return out;
 }
 
-async function unpacked(text) {
-  const packed = bytesOf(text);
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-  const bytes = await new Response(stream).arrayBuffer(), length = new DataView(bytes).getUint32(0, true);
-  const data = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
-  const part = ([start, count]) => bytes.slice(4 + length + start, 4 + length + start + count);
-  for (const arm of Object.values(data.arms)) {
-    arm.code = part(arm.code);
-    for (const policy of Object.values(arm.policies)) policy.weights = numbersOf(part(policy.weights));
+/* Numbers from the planes of their bytes. */
+function numbersOf(planes, scale) {
+  const bytes = new Uint8Array(planes), count = bytes.length / 2;
+  const numbers = new Int16Array(Uint8Array.from(bytes, (_, k) => bytes[count * (k % 2) + (k >> 1)]).buffer);
+  return Float32Array.from(numbers, (x) => x * scale);
+}
+
+function unpacked(text) {
+  const packed = bytesOf(text), head = new DataView(packed.buffer);
+  const bytes = unpackedBytes(packed.subarray(8), head.getUint32(0, true));
+  let [a, b] = [1, 0]; // Adler-32
+  for (const byte of bytes) b = (b + (a = (a + byte) % 65521)) % 65521;
+  if (b * 65536 + a !== head.getUint32(4, true)) throw new Error("its sum is another");
+  const length = new DataView(bytes.buffer).getUint32(0, true);
+  const data = JSON.parse(new TextDecoder().decode(bytes.subarray(4, 4 + length)));
+  const part = ([start, count]) => bytes.slice(4 + length + start, 4 + length + start + count).buffer;
+  for (const pair of Object.values(data.pairs)) {
+    pair.code = part(pair.code);
+    for (const policy of Object.values(pair.policies)) policy.weights = numbersOf(part(policy.weights), policy.scale);
   }
   return data;
 }
@@ -269,6 +438,9 @@ async function unpacked(text) {
 /* ---- the page ---------------------------------------------------------------------------------------------------- */
 
 const NAMES = { learner: "learner", torque: "computed torque", nobody: "nobody", race: "race" };
+const TASKS = {
+  Reach: "reach", ReachAround: "reach around discs", Track: "track a target", ReachFault: "reach, and a motor fails",
+};
 const SIGNS = {
   additions: "+ −", products: "×", divisions: "÷", roots: "√", sine_pairs: "sin cos", comparisons: "<", selections: "?:",
   bytes: "bytes",
@@ -278,7 +450,8 @@ const MAX_STEPS = 5, SLOW = 300, SLOW_ANSWER = 100, PAUSE_WHEN_HELD = 50, COSTS_
 const SMALLEST = 1e-16; // m: smaller differences of the tip are below rounding
 const TRIAL_GOALS = 100, TRIAL_SLICE = 5, MAX_FAULTS = 3, FAULTS_WITHIN = 10_000;
 const MOVE = 0.02, KEY_PUSH = 50, PUSH_PER_METRE = 150, ARROW = 330, GRAB = 22, TRAIL = 60, MARGIN = 1.12;
-const DEFAULTS = { arm: "RPRP", who: "race", policy: "SAC", accuracy: "6" };
+const LONGEST_TRACK = 300, BESIDE_BASE = 0.02; // steps of a target; m of a disc from the base
+const DEFAULTS = { arm: "RPRP", task: "Reach", who: "race", policy: "SAC", accuracy: "6" };
 const byId = (id) => document.getElementById(id);
 const made = (tag, properties, ...children) => {
   const element = Object.assign(document.createElement(tag), properties);
@@ -288,7 +461,8 @@ const made = (tag, properties, ...children) => {
 
 const app = {
   data: null, worker: null, seen: null, goal: null, waiting: null, running: true, due: 0, last: null, push: [0, 0],
-  drag: null, pressed: new Map(), trail: [], settings: {}, off: new Set(), note: "", episode: 0, order: 0, slow: false,
+  drag: null, grip: [0, 0], stop: "", pressed: new Map(), trail: [], settings: {}, off: new Set(), episode: 0, order: 0,
+  slow: false,
   answers: {}, faults: [], costsAt: 0, writing: null, told: "", said: "", colors: {}, size: 0, pictures: 0, work: 0,
 
   send(message) {
@@ -303,8 +477,10 @@ const app = {
     });
   },
 
-  get name() { return byId("arm").value; },
-  get arm() { return this.data.arms[this.name]; },
+  get name() { return byId("arm").value + byId("task").value; },
+  get arm() { return this.data.pairs[this.name]; },
+  get moves() { return "phase" in this.arm.description.rows.state; }, // whether the goal moves by itself
+  get moved() { return byId("moved").value; }, // by arrow keys: the goal or the number of a disc
   get policies() { return Object.keys(this.arm.policies); },
   get pushed() { return this.arm.switches.find(({ label }) => label === "push"); },
   get kinds() { return byId("who").value === "race" ? ["learner", "torque"] : [byId("who").value]; },
@@ -319,6 +495,7 @@ const app = {
 
   /* Least and largest distance of goals from the base in the scene, m. */
   get ownRange() {
+    if (this.moves) return [0, Infinity];
     const { motors, rows } = this.arm.description, upper = motors.travel.filter(Boolean).map(([, name]) => name);
     const lengths = Object.keys(rows.parameter).filter((name) => /^l\d+$/.test(name));
     const reach = [...lengths, ...upper].reduce((sum, name) => sum + this.own(name), 0);
@@ -346,6 +523,7 @@ const app = {
   },
 
   begin(goal = null) {
+    this.stop = "";
     this.episode += 1;
     this.order += 1;
     this.trail = [];
@@ -365,14 +543,34 @@ const app = {
   },
 
   aim([x, y]) {
+    if (this.moves) return;
     const [inner, outer] = this.seen.range, distance = Math.hypot(x, y) || 1e-9;
     const scale = Math.min(outer, Math.max(inner, distance)) / distance;
     this.goal = [x * scale, y * scale];
     this.order += 1;
+    this.stop = "";
     this.straight();
     this.send({ do: "aim", goal: this.goal, order: this.order });
     this.remember(this.goal);
   },
+
+  /* Put a disc at a place, or where it stops on the way there. */
+  put(disc, [x, y]) {
+    const { radius, centre } = this.seen.discs[disc], [inner, outer] = [radius + BESIDE_BASE, this.seen.reach];
+    const distance = Math.hypot(x, y), from = distance ? [x, y] : centre;
+    const scale = Math.min(outer, Math.max(inner, distance)) / Math.hypot(...from);
+    let why = "";
+    if (distance < inner) why = "it may not cover the base";
+    if (distance > outer) why = "its centre stays within reach";
+    this.stop = why && `Disc ${this.letter(disc)} stops here: ${why}.`;
+    this.seen.discs[disc].centre = from.map((value) => value * (why ? scale : 1));
+    byId("next").checked = false; // the next goal would draw other discs
+    this.order += 1;
+    this.straight();
+    this.send({ do: "place", disc, centre: this.seen.discs[disc].centre, order: this.order });
+  },
+
+  letter(disc) { return this.arm.discs[disc].split("_").at(-1); },
 
   /* The movers plan anew: the way along the null space begins at 0. */
   straight() {
@@ -395,10 +593,10 @@ const app = {
   remember(goal = null) {
     clearTimeout(this.writing);
     this.writing = setTimeout(() => {
-      const words = { arm: this.name, who: byId("who").value, accuracy: byId("accuracy").value };
+      const words = Object.fromEntries(["arm", "task", "who", "accuracy"].map((id) => [id, byId(id).value]));
       if (this.kinds.includes("learner")) words.policy = byId("policy").value;
       const [inner, outer] = this.ownRange;
-      if (goal && Math.hypot(...goal) >= inner && Math.hypot(...goal) <= outer) {
+      if (goal && !this.moves && Math.hypot(...goal) >= inner && Math.hypot(...goal) <= outer) {
         words.goal = goal.map((x) => x.toFixed(3)).join(",");
       }
       const text = Object.entries(words).map(([name, value]) => `${name}=${value}`).join("&");
@@ -417,7 +615,8 @@ const app = {
       return known.includes(value) ? value : otherwise;
     };
     clearTimeout(this.writing);
-    byId("arm").value = choose("arm", Object.keys(this.data.arms), DEFAULTS.arm);
+    byId("arm").value = choose("arm", this.data.arms, DEFAULTS.arm);
+    byId("task").value = choose("task", this.data.tasks, DEFAULTS.task);
     this.controls();
     const whos = [...byId("who").options].map((option) => option.value);
     byId("who").value = choose("who", whos, whos.includes(DEFAULTS.who) ? DEFAULTS.who : whos[0]);
@@ -425,12 +624,14 @@ const app = {
     const exponents = Array.from({ length: 11 }, (_, k) => String(k + 2));
     byId("accuracy").value = choose("accuracy", exponents, DEFAULTS.accuracy);
     for (const name of given.keys()) {
-      if (!["arm", "who", "policy", "accuracy", "goal"].includes(name)) wrong.push(`${name} (no such word)`);
+      if (!["arm", "task", "who", "policy", "accuracy", "goal"].includes(name)) wrong.push(`${name} (no such word)`);
     }
     const [inner, outer] = this.ownRange, text = given.get("goal"), number = "[-+]?(\\d+(\\.\\d*)?|\\.\\d+)";
     let goal = text !== null && new RegExp(`^${number},${number}$`).test(text) ? text.split(",").map(Number) : null;
     if (goal && (Math.hypot(...goal) < inner || Math.hypot(...goal) > outer)) goal = null;
-    if (text !== null && !goal) wrong.push(`goal=${text} (two numbers, ${inner} to ${outer} m from the base)`);
+    if (this.moves) goal = null;
+    if (this.moves && text !== null) wrong.push(`goal=${text} (this goal moves by itself)`);
+    else if (text !== null && !goal) wrong.push(`goal=${text} (two numbers, ${inner} to ${outer} m from the base)`);
     byId("next").checked = goal === null; // a goal of the address stays
     this.labels();
     this.trouble(wrong.length ? `The address says ${wrong.join("; ")}: the default is used.` : "");
@@ -452,7 +653,9 @@ const app = {
     const whos = learns ? ["learner", "torque", "nobody", "race"] : ["torque", "nobody"];
     this.fill("who", whos.map((who) => [who, NAMES[who]]));
     this.fill("policy", this.policies.map((name) => [name, name]));
-    this.note = learns ? "" : "This page was written without policies, so it has no learner.";
+    byId("mover_said").hidden = learns;
+    this.fill("moved", [["goal", "goal"], ...this.arm.discs.map((_, disc) => [disc, `disc ${this.letter(disc)}`])]);
+    byId("moved_label").hidden = !this.arm.discs.length;
     this.settings = {};
     this.off = new Set();
     byId("sliders").replaceChildren();
@@ -487,8 +690,14 @@ const app = {
 
   /* What depends on the choices. */
   labels() {
+    const what = this.moves ? "" : this.arm.discs.length ? "arrow keys move the goal, or the disc chosen above"
+      : "arrow keys move the goal";
+    const push = `${what ? `${what}, with Shift they` : "arrow keys with Shift"} push the tip with 50 N`;
+    byId("keys").textContent = `With the picture in focus: ${push}; N: new start and goal; space: pause.`;
+    byId("view").ariaLabel = `The arm and its goal. ${push.replace(/^a/, "A")}.`;
+    byId("next_said").textContent = this.moves ? "next path in time" : "next goal when held";
     byId("policy_label").hidden = !this.kinds.includes("learner");
-    byId("turning").hidden = !this.kinds.includes("torque");
+    byId("turning").hidden = this.moves || !this.kinds.includes("torque");
     const tolerance = `1e-${byId("accuracy").value} m`;
     byId("accuracy_shown").textContent = byId("accuracy").ariaValueText = tolerance;
   },
@@ -532,24 +741,50 @@ const app = {
     this.costsAt = performance.now();
   },
 
+  /* What is said of a mover. */
+  state(lane) {
+    const { points, held, holding, steps, dt, tolerance, struck, settle, worst } = this.seen;
+    const seconds = (n) => `${(n * dt).toFixed(2)} s`;
+    const far = (x) => (x < 0.1 ? `${(1000 * x).toFixed(1)} mm` : `${(100 * x).toFixed(0)} cm`);
+    const away = Math.hypot(...points[lane].at(-1).map((x, k) => x - this.goal[k]));
+    if (settle !== null) {
+      if (steps * dt <= settle) return `comes to the target: ${far(away)} away`;
+      const after = `${far(away)} away, at most ${far(worst[lane])} since ${settle.toFixed(1)} s`;
+      return `${worst[lane] <= tolerance ? "follows it" : "has lost it"}: ${after}`;
+    }
+    if (struck[lane]) return `touched a disc, which is no success; it is ${far(away)} away`;
+    if (held[lane] === null) return `does not hold it yet (${seconds(steps)})`;
+    if (holding[lane]) return `holds it after ${seconds(held[lane])}`;
+    const now = away <= tolerance ? "back at it" : `${(100 * away).toFixed(0)} cm away`;
+    return `held it after ${seconds(held[lane])}, and is ${now}`;
+  },
+
+  /* What is said of the task. */
+  event() {
+    const { arm, failed, failedAt, discs } = this.seen;
+    if (failedAt !== null) {
+      return failed < 0 ? "The brake of a motor will close within 0.5 s."
+        : `The motor of ${this.data.pairs[arm].joints[failed]} failed after ${failedAt.toFixed(2)} s, and its brake holds.`;
+    }
+    const far = ({ centre }) => Math.hypot(...centre.map((x, k) => x - this.goal[k]));
+    const over = discs.findIndex((disc) => far(disc) < disc.radius);
+    return [this.stop, over < 0 ? "" : `Disc ${this.letter(over)} covers the goal.`].filter(Boolean).join(" ");
+  },
+
   say() {
-    const { kinds, points, held, holding, steps, dt, tolerance } = this.seen, seconds = (n) => `${(n * dt).toFixed(2)} s`;
-    const state = (lane) => {
-      if (held[lane] === null) return `does not hold it yet (${seconds(steps)})`;
-      if (holding[lane]) return `holds it after ${seconds(held[lane])}`;
-      const away = Math.hypot(...points[lane].at(-1).map((x, k) => x - this.goal[k])), at = away <= tolerance;
-      return `held it after ${seconds(held[lane])}, and is ${at ? "back at it" : `${(100 * away).toFixed(0)} cm away`}`;
-    };
-    const movers = kinds.map((kind, lane) => [kind, `${NAMES[kind]} ${state(lane)}`]).filter(([kind]) => kind !== "nobody");
+    const { kinds } = this.seen, goal = this.goal.map((x) => x.toFixed(2)).join(", "), event = this.event();
+    const all = kinds.map((kind, lane) => [kind, `${NAMES[kind]} ${this.state(lane)}`]);
+    const movers = all.filter(([kind]) => kind !== "nobody");
     const slow = this.waiting !== null && performance.now() - this.waiting > SLOW;
     const lines = slow ? [["", "A hard step: still computing ..."]]
-      : [["", `Goal ${this.goal.map((x) => x.toFixed(2)).join(", ")} m. ${this.note}`], ...movers];
+      : [["", `${this.moves ? "Target" : "Goal"} ${goal} m. ${event}`], ...movers];
     if (String(lines) !== this.said) {
       this.said = String(lines);
       byId("said").replaceChildren(...lines.map(([kind, text]) => made("div", {},
         ...(kind ? [made("span", { className: `swatch ${this.look(kind)}` })] : []), text)));
     }
-    const news = movers.map(([, text]) => text).filter((text) => text.includes("holds it")).join("; ");
+    const told = movers.map(([, text]) => text).filter((text) => /holds it|touched|has lost/.test(text));
+    const news = [event, ...told.map((text) => text.replace(/[;:].*/, ""))].filter(Boolean).join(" ");
     if (news !== this.told) this.told = byId("news").textContent = news; // for screen readers, once
   },
 
@@ -581,15 +816,16 @@ const app = {
   /* Colours of the style, which has a light and a dark scheme. */
   theme() {
     const style = getComputedStyle(document.documentElement);
-    for (const name of ["SAC", "PPO", "torque", "nobody", "goal", "push", "paper", "rim", "joint"]) {
+    const names = ["SAC", "PPO", "torque", "nobody", "goal", "push", "paper", "rim", "joint", "disc", "edge", "alert"];
+    for (const name of names) {
       this.colors[name] = style.getPropertyValue(`--${name}`).trim();
     }
   },
 
   draw() {
     this.fit();
-    const { kinds, points, reach, tolerance } = this.seen, { size, scale, goal, colors } = this;
-    const pen = byId("view").getContext("2d"), travel = this.data.arms[this.seen.arm].description.motors.travel;
+    const { kinds, points, reach, tolerance, discs, path, failed } = this.seen, { size, scale, goal, colors } = this;
+    const pen = byId("view").getContext("2d"), travel = this.data.pairs[this.seen.arm].description.motors.travel;
     const circle = (at, radius, fill) => {
       pen.beginPath();
       pen.arc(...this.place(at), radius, 0, 2 * Math.PI);
@@ -607,6 +843,23 @@ const app = {
     });
     pen.fillRect(0, 0, size, size);
     circle([0, 0], reach * scale);
+    Object.assign(pen, { textAlign: "center", textBaseline: "middle" });
+    discs.forEach(({ centre, radius, touched }, disc) => {
+      Object.assign(pen, { fillStyle: colors.disc, strokeStyle: touched ? colors.alert : colors.edge });
+      circle(centre, radius * scale, true);
+      pen.lineWidth = touched ? 6 : 2;
+      pen.setLineDash(this.moved === String(disc) ? [6, 4] : []);
+      circle(centre, radius * scale);
+      pen.fillStyle = colors.joint;
+      pen.fillText(this.letter(disc), ...this.place(centre));
+    });
+    pen.setLineDash([]);
+    Object.assign(pen, { textAlign: "start", textBaseline: "alphabetic" });
+    if (path.length) {
+      Object.assign(pen, { strokeStyle: colors.goal, lineWidth: 1.5, globalAlpha: 0.7 });
+      path.slice(1).forEach((to, k) => line(path[k], to));
+      pen.globalAlpha = 1;
+    }
     Object.assign(pen, { fillStyle: colors.goal, strokeStyle: colors.goal, lineWidth: 3 });
     circle(goal, Math.max(5, tolerance * scale), true);
     circle(goal, 13);
@@ -631,6 +884,14 @@ const app = {
       places.forEach((place) => circle(place, 5, true));
       pen.fillStyle = colors.paper;
       places.forEach((place) => circle(place, 2, true));
+      if (failed >= 0) {
+        const [x, y] = places[failed], size = 5 / scale; // a ring with a cross: the brake is closed
+        Object.assign(pen, { fillStyle: colors.paper, strokeStyle: colors.alert, lineWidth: 3 });
+        circle([x, y], 11, true);
+        circle([x, y], 11);
+        line([x - size, y - size], [x + size, y + size]);
+        line([x - size, y + size], [x + size, y - size]);
+      }
       if (this.push[0] || this.push[1]) {
         const tip = places.at(-1), end = tip.map((x, k) => x + this.push[k] / ARROW); // N per metre of the arrow
         Object.assign(pen, { strokeStyle: colors.push, fillStyle: colors.push, lineWidth: 4 });
@@ -673,8 +934,9 @@ const app = {
       this.waiting = null;
     }
     if (answer.points && answer.episode === this.episode) { // answers to an older start are late
-      this.seen = answer;
       if (answer.order === this.order) this.goal = answer.goal;
+      else if (this.seen?.arm === answer.arm) answer.discs = this.seen.discs; // moved meanwhile
+      this.seen = answer;
       if (answer.did === "begin" || answer.did === "advance") {
         this.slow = this.waiting !== null && start - this.waiting > SLOW_ANSWER;
         this.waiting = null;
@@ -700,7 +962,7 @@ const app = {
   },
 
   /* After steps: faults, and the next goal. */
-  judge({ faults, ended, held, holding, steps, kinds }) {
+  judge({ faults, ended, held, holding, struck, settle, steps, kinds }) {
     const named = Object.entries(this.data.faults)
       .filter(([bit]) => faults.some((fault) => fault & bit)).map(([, text]) => text);
     if (named.length) this.trouble(`numerics: ${named.join("; ")}.${ended ? " A new episode begins." : ""}`);
@@ -716,14 +978,18 @@ const app = {
       }
       return;
     }
-    const done = holding.every(Boolean) && held.every((when) => when !== null && steps > when + PAUSE_WHEN_HELD);
-    if ((done || steps > LONGEST_GOAL) && byId("next").checked && !this.drag && !kinds.includes("nobody")) this.fresh();
+    const longest = settle === null ? LONGEST_GOAL : LONGEST_TRACK;
+    const over = (lane) => (struck[lane] ? steps > this.arm.steps
+      : settle === null && holding[lane] && steps > held[lane] + PAUSE_WHEN_HELD);
+    const done = steps > longest || kinds.every((_, lane) => over(lane));
+    if (done && byId("next").checked && this.drag === null && !kinds.includes("nobody")) this.fresh();
   },
 
   /* ---- input ---- */
 
   pull({ metres }) {
     if (this.drag === "goal") return this.aim(metres);
+    if (this.drag !== "push") return this.put(this.drag, metres.map((x, k) => x + this.grip[k]));
     const tip = this.seen.points[0].at(-1);
     return this.press(metres.map((x, k) => PUSH_PER_METRE * (x - tip[k])));
   },
@@ -735,6 +1001,16 @@ const app = {
     this.push = this.off.has(this.pushed.key) ? [0, 0] : wanted.map((x) => x * share);
   },
 
+  /* What a drag from a point takes: the goal, the number of a disc, or else it pushes. */
+  under({ pixels, metres }) {
+    const near = (at) => Math.hypot(...this.place(at).map((x, k) => x - pixels[k]));
+    if (!this.moves && near(this.goal) < GRAB) return "goal";
+    const disc = this.seen.discs.findIndex(({ centre, radius }) => near(centre) < Math.max(GRAB, radius * this.scale));
+    if (disc < 0) return "push";
+    this.grip = this.seen.discs[disc].centre.map((x, k) => x - metres[k]);
+    return disc;
+  },
+
   release() {
     this.drag = null;
     this.pressed.clear();
@@ -744,14 +1020,15 @@ const app = {
   listen() {
     const view = byId("view");
     view.addEventListener("pointerdown", (event) => {
-      if (!this.seen || this.drag || event.button !== 0 || !event.isPrimary) return;
-      const point = this.point(event), goal = this.place(this.goal);
+      if (!this.seen || this.drag !== null || event.button !== 0 || !event.isPrimary) return;
+      const point = this.point(event);
       view.setPointerCapture(event.pointerId);
-      this.drag = Math.hypot(...goal.map((x, k) => x - point.pixels[k])) < GRAB ? "goal" : "push";
+      this.drag = this.under(point);
+      if (this.drag !== "push" && !this.moves) byId("moved").value = this.drag;
       this.pull(point);
     });
     view.addEventListener("pointermove", (event) => {
-      if (this.drag && event.isPrimary) this.pull(this.point(event));
+      if (this.drag !== null && event.isPrimary) this.pull(this.point(event));
     });
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
       view.addEventListener(end, (event) => { if (event.isPrimary) this.release(); });
@@ -763,7 +1040,8 @@ const app = {
       if (way && (event.shiftKey || this.pressed.has(event.key))) {
         this.pressed.set(event.key, way);
         this.press();
-      } else if (way) this.aim(this.goal.map((x, k) => x + MOVE * way[k]));
+      } else if (way && this.moved === "goal") this.aim(this.goal.map((x, k) => x + MOVE * way[k]));
+      else if (way) this.put(Number(this.moved), this.seen.discs[this.moved].centre.map((x, k) => x + MOVE * way[k]));
       else if (event.key === " ") { if (!event.repeat) this.run(!this.running); }
       else if (event.key.toLowerCase() === "n") { if (!event.repeat) this.fresh(); }
       else return;
@@ -785,11 +1063,13 @@ const app = {
       this.send({ do: "turn", way: Number(byId("turn").value) });
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.theme());
-    byId("arm").addEventListener("change", () => {
-      this.controls();
-      this.labels();
-      this.fresh();
-    });
+    for (const id of ["arm", "task"]) {
+      byId(id).addEventListener("change", () => {
+        this.controls();
+        this.labels();
+        this.fresh();
+      });
+    }
     for (const id of ["who", "policy"]) {
       byId(id).addEventListener("change", () => {
         this.clear();
@@ -838,20 +1118,20 @@ const app = {
     button.disabled = false;
   },
 
-  async start() {
-    if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
-      return this.trouble("This browser has no WebAssembly, or cannot unpack data; use a newer one.");
+  start() {
+    if (typeof WebAssembly !== "object") {
+      return this.trouble("This browser has no WebAssembly; use a newer one.");
     }
     if (typeof Simulator !== "function") {
       return this.trouble("The file kernel.js is damaged or missing; write the page again: python -m redundant_envs page.");
     }
     try {
-      this.data = await unpacked(DATA);
+      this.data = unpacked(DATA);
     } catch (error) {
       return this.trouble(`The file data.js is damaged or missing; write the page again: python -m redundant_envs page. (${error.message})`);
     }
-    const arms = Object.entries(this.data.arms);
-    if (!arms.every(([, arm]) => WebAssembly.validate(arm.code))) {
+    const pairs = Object.entries(this.data.pairs);
+    if (!pairs.every(([, arm]) => WebAssembly.validate(arm.code))) {
       return this.trouble("This browser has no WebAssembly vectors (SIMD), which the simulator needs; use a newer one.");
     }
     const source = `${[Simulator, Policy, ComputedTorque].map(String).join("\n")}\n(${work})();`;
@@ -862,8 +1142,9 @@ const app = {
     }
     this.worker.onmessage = ({ data }) => this.hear(data);
     this.worker.onerror = (event) => this.trouble(`The simulator cannot start: ${event.message}`);
-    for (const [name, { code, ...about }] of arms) this.send({ do: "load", name, about, code });
-    this.fill("arm", arms.map(([name]) => [name, name === "FourR" ? "4R" : name]));
+    for (const [name, { code, ...about }] of pairs) this.send({ do: "load", name, about, code });
+    this.fill("arm", this.data.arms.map((name) => [name, name === "FourR" ? "4R" : name]));
+    this.fill("task", this.data.tasks.map((name) => [name, TASKS[name]]));
     this.theme();
     this.listen();
     this.restore();
