@@ -14,8 +14,8 @@ from playwright.sync_api import sync_playwright
 from redundant_envs.web import page
 
 PICTURE = Path(__file__).with_name("page.png")
-ADDRESS = "#arm=RPRP&who=race&goal=-0.45,0.5&accuracy=6"
-MOMENT = "app.seen && app.seen.steps >= 26"
+ADDRESS = "#arm=FourR&task=ReachAround&who=race&goal=-0.55,0.4&accuracy=6"
+MOMENT = "app.seen && app.seen.steps >= 24"
 """Both arms are under way, and the learner is nearly there."""
 COLOURS = 256
 

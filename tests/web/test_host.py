@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import itertools
 import json
 
 import gymnasium as gym
@@ -127,14 +128,16 @@ console.log(JSON.stringify(actions));
 """
 
 
-@pytest.mark.parametrize("learner", page.LEARNERS)
-@pytest.mark.parametrize("arm", page.ARMS)
-def test_policies_act_as_stable_baselines3_predicts(arm, learner, node):
+@pytest.mark.parametrize(
+    ("pair", "learner"),
+    [*itertools.product(("RPRPReach", "FourRReach"), page.LEARNERS), ("FourRReachAround", "sac")],
+)
+def test_policies_act_as_stable_baselines3_predicts(pair, learner, node):
     sb3, torch = pytest.importorskip("stable_baselines3"), pytest.importorskip("torch")
     from redundant_envs_train.shipping import layers
 
-    folder = ROOT / "policies" / f"{arm}Reach-v0-{learner}"
-    envs = gym.make_vec(f"redundant_envs/{arm}Reach-v0", num_envs=100)
+    folder = ROOT / "policies" / f"{pair}-v0-{learner}"
+    envs = gym.make_vec(f"redundant_envs/{pair}-v0", num_envs=100)
     envs.reset(seed=77)
     envs.action_space.seed(1)
     moving = [envs.step(envs.action_space.sample())[0] for _ in range(10)]
