@@ -38,13 +38,13 @@ def node():
 
 @pytest.fixture(scope="module")
 def written(request, tmp_path_factory):
-    """The folder of the module of one of the SCENES of a file, written once."""
-    folders = {}
+    """The folder of the module of one of the SCENES of a file, with its task of the TASKS, written once."""
+    folders, tasks = {}, getattr(request.module, "TASKS", {})
 
     def write(name):
         if name not in folders:
             folders[name] = tmp_path_factory.mktemp(name)
-            module.write(request.module.SCENES[name], ReachTask(), name, folders[name])
+            module.write(request.module.SCENES[name], tasks.get(name, ReachTask()), name, folders[name])
         return folders[name]
 
     return write

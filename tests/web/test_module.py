@@ -14,6 +14,9 @@ from redundant_envs.scenes.scene import scene_at
 from redundant_envs.simulator.batch.environment import Autoreset
 from redundant_envs.simulator.batch.hosts import arm_quantities
 from redundant_envs.tasks import ReachTask
+from redundant_envs.tasks.reach_around import ReachAroundTask
+from redundant_envs.tasks.reach_fault import ReachFaultTask
+from redundant_envs.tasks.track import TrackTask
 from redundant_envs.web import module
 
 pytestmark = pytest.mark.long
@@ -27,6 +30,8 @@ SPRINGS = rde.load_scene("rprp_limit_springs")
 SCENES = {
     **{name: rde.load_scene(name) for name in (*LARGEST, "everything")},
     "springs": dataclasses.replace(SPRINGS, effects=(*SPRINGS.effects, LIMITS)),
+    **{f"four_r_{name}": rde.load_scene(f"four_r_{name}") for name in ("around", "reach_fault")},
+    "track": rde.load_scene("rprp_reach"),
     "chain": rde.Scene(
         rde.Chain("RPR", (1.0, 0.5, 0.5), (0.3, 0.2)),
         (
@@ -37,6 +42,8 @@ SCENES = {
         randomize={"masses": {"scale": {"log_uniform": [0.5, 2.0]}}},
     ),
 }  # fmt: skip
+TASKS = {"four_r_around": ReachAroundTask(), "four_r_reach_fault": ReachFaultTask(), "track": TrackTask()}
+"""Of scenes in which the task is not Reach."""
 
 
 def here(core, keys, actions):
@@ -58,7 +65,8 @@ def compared(node, written):
     the bits of the processor. Returns these rows, the other numbers that Node tells, and the core."""
 
     def compare(name, seed, episodes=2, steps=40, scene=None, changed=None):
-        core = Core(scene or SCENES[name], LANES, ReachTask(), STEPS)
+        task = TASKS.get(name, ReachTask())
+        core = Core(scene or SCENES[name], LANES, task, task.steps)
         if changed:
             values = parameters.lane_values(core.scene, core.memory, np.arange(LANES), {}, True, core.task)
             values |= {n: np.full(LANES, value) for n, value in changed.items()}

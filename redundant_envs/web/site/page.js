@@ -694,7 +694,7 @@ const app = {
       : "arrow keys move the goal";
     const push = `${what ? `${what}, with Shift they` : "arrow keys with Shift"} push the tip with 50 N`;
     byId("keys").textContent = `With the picture in focus: ${push}; N: new start and goal; space: pause.`;
-    byId("view").ariaLabel = `The arm and its goal. ${push.replace(/^a/, "A")}.`;
+    byId("view").setAttribute("aria-label", `The arm and its goal. ${push.replace(/^a/, "A")}.`);
     byId("next_said").textContent = this.moves ? "next path in time" : "next goal when held";
     byId("policy_label").hidden = !this.kinds.includes("learner");
     byId("turning").hidden = this.moves || !this.kinds.includes("torque");
