@@ -1,10 +1,12 @@
 """Tables of pages are those that programs wrote or that the code has now."""
 
+import itertools
 import re
 import runpy
 import shlex
 
 import pytest
+import yaml
 from catalogue import IDS
 from markdown import README, ROOT, blocks, text
 from published_runs import RESULTS, rows
@@ -157,3 +159,9 @@ def test_the_ablations_are_those_of_the_table_of_runs():
             restless = f"{run.evaluation['restless']} of {missed}" if missed else "-"
             cells += [f"{100 * run.evaluation['hold_success']:.1f} %", restless]
         assert f"| {name} | {' | '.join(cells)} |" in page("learners")
+
+
+def test_the_sentences_of_claims_are_on_their_pages():
+    claims = runpy.run_path(str(ROOT / "docs" / "claims.py"))
+    for claim in itertools.chain(*yaml.safe_load(text(ROOT / "docs" / "claims.yaml")).values()):
+        assert claims["stated"](claim)
