@@ -53,9 +53,8 @@ def written(site: Path) -> None:
     index.write_text("\n".join([index.read_text(encoding="utf-8"), *tables]), encoding="utf-8")
     for name, entries in INDEX.items():
         page = site / f"{name}.md"
-        page.write_text(
-            f"```{{index}} {entries}\n```\n\n{page.read_text(encoding='utf-8')}", encoding="utf-8"
-        )
+        main = ", ".join(f"! {entry}" for entry in entries.split(", "))  # which the search shows first
+        page.write_text(f"```{{index}} {main}\n```\n\n" + page.read_text(encoding="utf-8"), encoding="utf-8")
     for name, pattern in BELOW.items():
         file = site / f"{name}.md"
         own = name.rpartition("/")[2]
