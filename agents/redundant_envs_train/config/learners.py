@@ -36,8 +36,8 @@ SMOOTHNESS = (
     "weight in the actor's loss of |a(s) - a(s')|^2, for a state s and the next, s'; 0: no such term",
 )  # fmt: skip
 AT_GOAL = (
-    "smoothness of steps whose reward is above the mean, which are those at the goal; if only smoothness is "
-    "given, that value"
+    "smoothness for steps with a reward above the mean, which are those at the goal; if only smoothness is "
+    "given, its value is used here, too"
 )
 NET = "widths of the hidden layers"
 ACTIVATION = "activation function between layers"
@@ -96,7 +96,7 @@ class OffPolicySettings(Model):
     activation: Activation = value("silu", ACTIVATION)
 
 
-TAU = (1e-9, 1, "share of the way to the critics that their targets move at a gradient step")
+TAU = (1e-9, 1, "share of their distance to the critics that the target critics move at a gradient step")
 KEPT = "share of the old average of the weights that an actor step keeps; 0: no average"
 DELAY = (1, 1000, "gradient steps of the critics for each gradient step of the actor")
 ENTROPY = "weight of the entropy, from 0 to 100, or auto"
