@@ -100,8 +100,8 @@ class Arena:
 
 def ilqr_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Rows of :func:`run`, or of its CSV file, in percent."""
-    shares = {"can_be_held": "can be held at rest", "ilqr": "iLQR", "ilqr_of_those": "of those"}
-    shares["ilqr_of_others"] = "of the others"
+    shares = {"can_be_held": "goals that can be held at rest", "ilqr": "iLQR holds, of all goals"}
+    shares |= {"ilqr_of_those": "of those that can be held at rest", "ilqr_of_others": "of the others"}
     lines = []
     for row in rows:
         cells = ("-" if row[c] in (None, "") else f"{100 * float(row[c]):.0f} %" for c in shares)

@@ -95,7 +95,7 @@ def ilqr_table(rows: Iterable[Mapping[str, str]]) -> str:
         of = (cell(float(r[name]), count) if r[name] and count else "-" for name, count in parts.items())
         whole = (cell(float(r[name]), goals) for name in ("can_be_held", "ilqr"))
         lines.append((r["arm"], f"{float(r['factor']):g}", *whole, *of))
-    heads = ("arm", "limits times", "can be held at rest", "iLQR", "iLQR of those", "iLQR of the others")
+    heads = ("arm", "limits times", "can be held at rest", "iLQR, of all goals", "of these", "of the others")
     return markdown(heads, lines)
 
 
