@@ -74,7 +74,7 @@ TROUBLES = {
     ],
     "a step before the first reset": [trouble(started=False)],
     "a step after a fault has ended the episode": of_actions(NAN, ZERO, on_bad_action="terminate"),
-    "a step after the last one, by the limit of steps": of_actions(ZERO, ZERO, max_episode_steps=1),
+    "a step after the limit of steps has ended the episode": of_actions(ZERO, ZERO, max_episode_steps=1),
     'the same with `autoreset_mode="disabled"`': of_actions(
         ZERO, ZERO, max_episode_steps=1, autoreset_mode="disabled"
     ),
