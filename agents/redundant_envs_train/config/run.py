@@ -82,7 +82,7 @@ class Config(Model):
         None, "episodes from which sac or her learns besides its own; null: none"
     )
     curriculum: learners.Curriculum | None = value(
-        None, "numbers of the environments that begin with other values, such as stronger motors; null: none"
+        None, "parameters that begin with values other than those of env, such as stronger motors; null: none"
     )
     ppo: learners.PPOSettings | None = value(None, "settings of ppo")
     sac: learners.SACSettings | None = value(None, "settings of sac")
