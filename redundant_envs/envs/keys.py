@@ -78,8 +78,8 @@ class EpisodeKeys:
 
 
 # To make a generator takes 10 us. The algorithms of SeedSequence and PCG64 stay as they are (NumPy's NEP 19).
-def first_keys(seeds: Sequence[int]) -> NDArray[np.uint32]:
-    """The first keys of ``np.random.PCG64(seed)`` of seeds up to :data:`LARGEST_SEED`, (seeds, AHEAD, 4)."""
+def generator_states(seeds: Sequence[int]) -> tuple[Wide, Wide]:
+    """State and increment of ``np.random.PCG64(seed)`` of seeds up to :data:`LARGEST_SEED`."""
     pool = np.zeros((4, len(seeds)), np.uint32)
     pool[:2] = np.array(seeds, dtype="<u8").view("<u4").reshape(-1, 2).T
     pool = _hashed(pool, IN[:5])
@@ -90,7 +90,12 @@ def first_keys(seeds: Sequence[int]) -> NDArray[np.uint32]:
     halves = _hashed(np.concatenate([pool, pool]), OUT).astype(np.uint64)
     high, low, above, below = halves[::2] | halves[1::2] << HALF
     increment = above << ONE | below >> np.uint64(63), below << ONE | ONE
-    state = _sum(_product(_sum((high, low), increment), FACTOR), increment)
+    return _sum(_product(_sum((high, low), increment), FACTOR), increment), increment
+
+
+def first_keys(seeds: Sequence[int]) -> NDArray[np.uint32]:
+    """The first keys of generators of seeds, (seeds, AHEAD, 4)."""
+    state, increment = generator_states(seeds)
     change = _sum(_product(state, FACTOR_LESS_1), increment)  # to the next state; times SUMS to others
     words = np.empty((len(seeds), 2 * AHEAD), dtype="<u8")
     for k, sums in SUMS.items():

@@ -53,22 +53,28 @@ _warned: set[Path] = set()
 def kernels(
     key: str, names: Sequence[str], program: Callable[[], Program], what: str
 ) -> dict[str, llvm.Entry]:
-    """The kernels of a program in machine code, by name, under a key from before its compilation, which
-    changes its graphs; ``what`` is compiled, says a message."""
-
-    def compiled(how_long: str) -> bytes:
-        start = time.perf_counter()
-        say(f"redundant-envs: compiling {what} ({how_long}) ...", file=sys.stderr, end="", flush=True)
-        code = llvm.object_code(program())
-        say(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
-        return code
-
+    """The kernels of a program in machine code, by name; ``what`` is compiled, says a message."""
     with _lock:
-        entries = _kept.pop(key, None) or llvm.load(_content(f"{key}{SUFFIX}", what, compiled), names)
+        entries = _kept.pop(key, None) or llvm.load(
+            code(key, lambda: llvm.object_code(program()), what), names
+        )
         _kept[key] = entries
         if len(_kept) > KEPT_KERNELS:
             del _kept[next(iter(_kept))]
         return entries
+
+
+def code(key: str, make: Callable[[], bytes], what: str) -> bytes:
+    """The code of a program, under a key from before its compilation, which changes its graphs."""
+
+    def compiled(how_long: str) -> bytes:
+        start = time.perf_counter()
+        say(f"redundant-envs: compiling {what} ({how_long}) ...", file=sys.stderr, end="", flush=True)
+        code = make()
+        say(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
+        return code
+
+    return _content(f"{key}{SUFFIX}", what, compiled)
 
 
 def facts(name: str, compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
@@ -119,11 +125,11 @@ def _content(name: str, what: str, make: Callable[[str], bytes]) -> bytes:
             _write_whole(path, _checksum(path, data) + data)
             _prune(path.parent)
         if damaged:
-            warnings.warn(f"{path} was damaged or not ours; it is made again", stacklevel=3)
+            warnings.warn(f"{path} was damaged or not ours; it is made again", stacklevel=4)
     except OSError as error:  # another user's folder, no file lock, no space left
         if (folder := cache_folder()) not in _warned:
             _warned.add(folder)
-            warnings.warn(f"compiled simulators are kept in memory only: {_unusable(error)}", stacklevel=3)
+            warnings.warn(f"compiled simulators are kept in memory only: {_unusable(error)}", stacklevel=4)
     return data or make("for this process alone")
 
 

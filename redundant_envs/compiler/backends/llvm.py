@@ -64,7 +64,11 @@ def _described() -> tuple[str, str, str, int]:
 
 def object_code(program: Program) -> bytes:
     """The machine code of a program for this processor."""
-    text = _text(program)
+    return code_of(_text(program))
+
+
+def code_of(text: str) -> bytes:
+    """That of a program in LLVM's language."""
     if len(text) > LONG_TEXT and Path(llvm_text.__file__).is_file() and not getattr(sys, "frozen", False):
         return _compiled_in_child(text, json.dumps([_described(), processor().wide]))
     return _emitted(text, llvm_text.object_code)  # type: ignore[no-any-return]

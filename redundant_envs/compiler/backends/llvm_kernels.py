@@ -31,8 +31,7 @@ class KernelEmitter:
 
     def __init__(self, module: ir.Module, kernel: Kernel, functions: Functions, vectors: Vectors) -> None:
         self.functions, self.vectors = functions, vectors
-        function = ir.Function(module, ir.FunctionType(ir.VoidType(), [INT64.as_pointer()]), kernel.name)
-        self.function = lanes.widened(function)
+        self.function = function = self.declared(module, kernel)
         self.entry = ir.IRBuilder(function.append_basic_block("entry"))
         body = function.append_basic_block("body")
         self.builder = ir.IRBuilder(body)
@@ -40,6 +39,11 @@ class KernelEmitter:
         self.run(kernel.body)
         self.builder.ret_void()
         self.entry.branch(body)
+
+    def declared(self, module: ir.Module, kernel: Kernel) -> ir.Function:
+        """The function of a kernel, which takes the address of its frame."""
+        kind = ir.FunctionType(ir.VoidType(), [INT64.as_pointer()])
+        return lanes.widened(ir.Function(module, kind, kernel.name))
 
     def value(self, x: Any, kind: str = "int") -> Any:
         if isinstance(x, Scalar):
@@ -82,6 +86,10 @@ class KernelEmitter:
             return b.fpext(value, DOUBLE)
         return value if i.extra in ("f64", "i64") else b.zext(value, INT64)
 
+    def _take(self, i: Scalar) -> Any:
+        """The number of a counter, which grows by 1, and no other thread gets."""
+        return self.builder.atomic_rmw("add", self.value(i.arguments[0]), integer(1), "monotonic")
+
     def _store(self, i: Scalar) -> None:
         b, type_ = self.builder, ELEMENT[i.extra]
         array, index, x = i.arguments
@@ -120,7 +128,7 @@ class KernelEmitter:
         self.builder.call(function, [operands[a] for a in arguments])
 
 
-def module_of(program: Program, target: Processor) -> ir.Module:
+def module_of(program: Program, target: Processor, emitter: type = KernelEmitter) -> ir.Module:
     """The LLVM module of a program, for a target."""
     module = ir.Module("program")
     module.triple = target.triple
@@ -130,5 +138,5 @@ def module_of(program: Program, target: Processor) -> ir.Module:
         for name, f in program.functions.items()
     }
     for kernel in program.kernels:
-        KernelEmitter(module, kernel, functions, vectors)
+        emitter(module, kernel, functions, vectors)
     return module

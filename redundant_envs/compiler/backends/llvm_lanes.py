@@ -21,6 +21,7 @@ DOUBLE, FLOAT = ir.DoubleType(), ir.FloatType()
 INT64, INT32, INT8, BIT = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.IntType(1)
 EXPONENT_BIAS, MANTISSA_BITS, SIGN_BIT = 1023, 52, 63
 ELEMENT = {"f64": DOUBLE, "f32": FLOAT, "i64": INT64, "u32": INT32, "i8": INT8}
+BYTES = {"f64": 8, "f32": 4, "i64": 8, "u32": 4, "i8": 1}
 ARITHMETIC = {
     "+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "neg": "fneg", "and": "and_", "or": "or_",
     "xor": "xor", "not": "not_", "select": "select",
@@ -380,7 +381,7 @@ def _emit_outputs(
         base = bases[output.array]
         if output.column:
             base = builder.gep(base, [builder.mul(bases[f"{output.array}_stride"], integer(output.column))])
-        builder.store(value, address(builder, base, 0, vector), align=1)
+        builder.store(value, address(builder, base, 0, vector), align=BYTES[output.element])
     for array, columns in tables.items():
         _emit_lines(builder, bases[array], [columns[k] for k in range(len(columns))], vectors.lanes)
 

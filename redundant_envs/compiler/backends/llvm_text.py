@@ -10,11 +10,13 @@ import llvmlite.binding as llvm
 
 ORDER_OPTION = "-enable-misched={}"
 """LLVM's option for its own scheduler. It is global to the process, so it is set under a lock."""
+GPU = "nvptx"
+"""How the kind of a GPU begins."""
 
 
 def machine(name: str, features: str, triple: str, effort: int) -> Any:
     """A processor, in LLVM's terms."""
-    if triple.startswith("wasm32"):
+    if triple.startswith(("wasm32", GPU)):
         llvm.initialize_all_targets()
         llvm.initialize_all_asmprinters()
         how: dict[str, Any] = {"codemodel": "default", "reloc": "static"}
@@ -33,14 +35,25 @@ def emitted(text: str, target: tuple[str, str, str, int], wide: bool, emit: Call
         made_for = machine(*target)
         module = llvm.parse_assembly(text)
         module.verify()
-        _tidy(module, made_for)
+        (_optimise if target[2].startswith(GPU) else _tidy)(module, made_for)
         return emit(made_for, module)
     finally:
         llvm.set_option("redundant-envs", ORDER_OPTION.format("true"))
 
 
 def object_code(target: Any, module: Any) -> bytes:
+    """The code of a module: for a GPU assembly, of which a driver makes more."""
+    if target.triple.startswith(GPU):
+        return target.emit_assembly(module).encode()  # type: ignore[no-any-return]
     return target.emit_object(module)  # type: ignore[no-any-return]
+
+
+def _optimise(module: Any, target: Any) -> None:
+    """LLVM's own passes: in a GPU all memories of a lane have to become registers."""
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.slp_vectorization = False
+    builder = llvm.create_pass_builder(target, options)
+    builder.getModulePassManager().run(module, builder)
 
 
 def _tidy(module: Any, target: Any) -> None:

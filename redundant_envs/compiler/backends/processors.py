@@ -27,6 +27,11 @@ class Processor(NamedTuple):
         return self.triple.startswith("wasm32")
 
     @property
+    def is_gpu(self) -> bool:
+        """Whether it is a GPU, for which programs are text."""
+        return self.triple.startswith("nvptx")
+
+    @property
     def joins(self) -> bool:
         """Whether it has an instruction that multiplies and adds with one rounding."""
         old = self.triple.startswith("x86_64") and "+fma" not in self.features.split(",")
@@ -42,3 +47,5 @@ WASM = Processor(
     lanes=2,
 )
 """WebAssembly with vectors of two doubles, as in Chrome and Firefox since 2021, in Safari since 2023."""
+NVIDIA = Processor("sm_70", "+ptx63", "nvptx64-nvidia-cuda", 1)
+"""NVIDIA's GPUs since 2017: their drivers make machine code for later ones of the same text."""
