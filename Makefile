@@ -6,6 +6,7 @@
 # network. Notebooks are executed again only if they or the package changed, the hard cases each time.
 # make claims: measure again the numbers that README and manual state, in a quarter of an hour; which are off?
 # make fuzz MINUTES=10 SEED=0: random scenes, states and calls; failures become files in runs/fuzz.
+# make gpu-check: compare a GPU with the CPU, bit by bit, and measure it; installs torch with CUDA, 6 GB.
 # make mutation COUNT=300 SEED=0: random faults in the equations and the simulator; do the tests see them?
 PYTHON ?= python3
 VENV ?= .venv
@@ -13,7 +14,7 @@ BIN := $(VENV)/bin
 # of a notebook, whose back end for figures is not in this environment
 unexport MPLBACKEND
 
-.PHONY: test test-long test-page docs claims fuzz mutation coverage train check clean
+.PHONY: test test-long test-page gpu-check docs claims fuzz mutation coverage train check clean
 .DEFAULT_GOAL := test
 
 # PyTorch's own index has it without 6 GB of CUDA; if it cannot be reached, any torch will do.
@@ -74,6 +75,16 @@ check: $(VENV)/ready-all
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --num-workers 2
 	PATH="$(BIN):$$PATH" $(BIN)/lint-imports
+
+# torch with CUDA has an environment of its own: the others have the one without.
+.venv-gpu/ready: pyproject.toml
+	$(PYTHON) -m venv .venv-gpu
+	.venv-gpu/bin/python -m pip install --quiet --upgrade pip
+	.venv-gpu/bin/python -m pip install --quiet torch --editable '.[train]'
+	touch $@
+
+gpu-check: .venv-gpu/ready
+	.venv-gpu/bin/python -m tests.gpu.check
 
 train: $(VENV)/ready-train
 	$(BIN)/python -m agents train rprp_reach_sac total_steps=2000000

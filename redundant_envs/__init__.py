@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         register_task,
     )
     from redundant_envs.envs.sb3 import make_sb3 as make_sb3  # not in __all__
+    from redundant_envs.envs.torch_env import make_torch as make_torch  # not in __all__
     from redundant_envs.model.batch import BatchSimulator, Event, Numerics
     from redundant_envs.model.listing import bill, listing
     from redundant_envs.model.torch_step import torch_step as torch_step  # not in __all__
@@ -38,6 +39,7 @@ _NAMES = {
     "model.torch_step": ("torch_step",),
     "envs.animation": ("animate",),
     "envs.sb3": ("make_sb3",),
+    "envs.torch_env": ("make_torch",),
     "envs.check": ("check_vec_env",),
     "envs.registration": ("register_arm", "register_effect", "register_integrator", "register_task"),
     "tasks": ("Task", "ReachTask", "GoalReachTask"),
@@ -50,7 +52,8 @@ __all__ = [
     "Scene", "Tableau", "Task", "TwoR", "animate", "bill", "check_vec_env", "effects", "listing",
     "load_scene", "register_arm", "register_effect", "register_integrator", "register_task", "simulate",
 ]  # fmt: skip
-"""The public names, but for ``make_sb3`` and ``torch_step``: they need torch, and ``import *`` must not."""
+"""The public names, but for ``make_sb3``, ``make_torch`` and ``torch_step``: these need torch, and
+``import *`` must not."""
 
 _registration.register()
 
