@@ -11,8 +11,9 @@ SECTIONS = {
         "notebooks/learn_and_race", "tutorials/third_arm", "tutorials/moving_target", "tutorials/obstacle",
     ],
     "How to": [
-        "scenes", "example_scenes", "action_modes", "extending", "other_libraries", "learners", "policies",
-        "handed_to_me", "datasets", "gradients", "models", "control", "browser", "other_programs", "trouble",
+        "scenes", "example_scenes", "action_modes", "extending", "other_libraries", "gpu", "learners",
+        "policies", "handed_to_me", "datasets", "gradients", "models", "control", "browser", "other_programs",
+        "trouble",
     ],
     "Reference": [
         "environments/index", "tasks/*", "effects/README", "reference/integrators", "scenes/index",
@@ -30,7 +31,8 @@ BELOW = {"environments/index": "environments/*", "effects/README": "effects/*", 
 
 
 INDEX = {
-    "learners": "hyperparameters, GPU, Optuna", "control": "null space, iLQR, computed torque",
+    "learners": "hyperparameters, Optuna", "control": "null space, iLQR, computed torque",
+    "gpu": "GPU, CUDA, JAX, DLPack, PyTorch tensors",
     "accuracy": "tolerance, round-off, convergence", "gradients": "autodiff, differentiable simulation",
     "energy": "energy balance, energy drift", "scenes": "domain randomization",
     "trouble": "error messages, compile cache, slow import, render_mode, speed bound",

@@ -41,20 +41,23 @@ assert rde.Numerics(info["numerics"]) == rde.Numerics(0)  # no fault
         {"redundant_envs.envs.env": ("ArmEnv",), RDE: ("Numerics",)},
     ),
     "vectors": Topic(
-        "Vectors of environments", "What `gym.make_vec` gives, and the same for stable-baselines3.",
+        "Vectors of environments", "What `gym.make_vec` gives, and the same for stable-baselines3 and torch.",
         """
 import gymnasium as gym
 import redundant_envs as rde
 from redundant_envs.envs.sb3 import SB3VecEnv, make_sb3
+from redundant_envs.envs.torch_env import ArmTorchVectorEnv, make_torch
 from redundant_envs.envs.vector_env import ArmVectorEnv
 
 envs: ArmVectorEnv = gym.make_vec("redundant_envs/TwoRReach-v0", num_envs=8)
 rde.check_vec_env(envs)
 for_stable_baselines3: SB3VecEnv = make_sb3("redundant_envs/TwoRReach-v0", 8)
+of_tensors: ArmTorchVectorEnv = make_torch("redundant_envs/TwoRReach-v0", 8, device="cpu")
 """,
         {
             "redundant_envs.envs.vector_env": ("ArmVectorEnv",), RDE: ("check_vec_env",),
             "redundant_envs.envs.sb3": ("make_sb3", "SB3VecEnv"),
+            "redundant_envs.envs.torch_env": ("make_torch", "ArmTorchVectorEnv"),
         },
     ),
     "scenes": Topic(

@@ -31,7 +31,8 @@ BLOCKS = [
     )
     for page in MANUAL for line, _, block in blocks(page, "python")
 ]  # fmt: skip
-OTHERS = {n: n for n in ("torch", "torchrl", "stable_baselines3", "sympy", "mujoco")} | {"ray": "tree"}
+OTHERS = {n: n for n in ("torch", "torchrl", "skrl", "jax", "stable_baselines3", "sympy", "mujoco")}
+OTHERS["ray"] = "tree"
 """Packages that blocks import, and what must be there for them: Ray alone has not all that RLlib imports."""
 BEHIND = {"casadi": "casadi", "RecordVideo": "moviepy", "animate(": "imageio"}
 """Packages that are not imported by a block, but needed by what it calls."""
