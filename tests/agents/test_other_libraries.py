@@ -88,6 +88,12 @@ STEPS = {
         env.reset()
         shapes = [x.shape[0] for x in env.step(torch.zeros(64, 4))[:4]]
         """,
+    "array_api_compat": """
+        from gymnasium.wrappers.vector import ArrayConversion
+        env = ArrayConversion(redundant_envs.make_torch(ID, 64, device="cpu"), env_xp=torch, target_xp=np)
+        assert type(env.reset(seed=0)[0]) is np.ndarray
+        shapes = [x.shape[0] for x in env.step(np.zeros((64, 4), np.float32))[:4]]
+        """,
     "sbx": """
         import sbx
         model = sbx.PPO("MlpPolicy", redundant_envs.make_sb3(ID, 64), n_steps=16)

@@ -2,10 +2,19 @@
 gives the bits of the CPU."""
 
 import shutil
+import struct
+import subprocess
 
 import pytest
 
 from redundant_envs.compiler.backends import llvm, nvptx
+from redundant_envs.compiler.tracing.flow import Program
+from redundant_envs.scenes.scene import scene_at
+from redundant_envs.simulator.batch.threads import programs
+from redundant_envs.simulator.lane.dynamics import Dynamics
+from redundant_envs.simulator.lane.episode import Episode
+from redundant_envs.simulator.lane.fields import PARAMETER
+from redundant_envs.tasks import make_task
 from tests.conftest import FULL
 from tests.gpu.compared import CASES, MODES, SCENES, compare
 from tests.gpu.emulated import ByDriver, Emulated, driver
@@ -28,6 +37,32 @@ def test_ptx_gives_the_bits_of_the_cpu(case, monkeypatch):
     monkeypatch.setattr(llvm, "EFFORT", FULL)  # as users get it
     with driver():
         compare(emulated(ByDriver), case, MODES[[*CASES].index(case) % 2 - 1], 1024, 100)
+
+
+@pytest.mark.skipif(not shutil.which("ptxas"), reason="needs ptxas, NVIDIA's assembler")
+@pytest.mark.parametrize("scene", ["four_r_reach", "rprp_reach", "cheap_sensors", "everything"])
+def test_an_assembler_joins_no_product_with_its_sum(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(llvm, "EFFORT", FULL)
+    episode = Episode(Dynamics(scene_at(scene, None)), make_task(None, "Reach"))
+    kernels, layout = programs(episode, shares=True)
+    (tmp_path / "k.ptx").write_text(nvptx.ptx(Program(kernels), layout.size(PARAMETER)))
+    codes = []
+    for joins in ("true", "false"):
+        options = "-arch=sm_90", f"-fmad={joins}", "-o", tmp_path / joins, tmp_path / "k.ptx"
+        subprocess.run(["ptxas", *options], check=True)
+        codes.append({name: x for name, x in sections(tmp_path / joins).items() if name.startswith(".text.")})
+    assert codes[0].keys() == {f".text.{kernel.name}" for kernel in kernels}
+    assert codes[0] == codes[1]
+
+
+def sections(path):
+    """Contents of the sections of an ELF file of 64 bits by their names."""
+    data = path.read_bytes()
+    (start,), (count, of_names) = struct.unpack_from("<Q", data, 40), struct.unpack_from("<HH", data, 60)
+    heads = [struct.unpack_from("<II4Q", data, start + 64 * k) for k in range(count)]
+    contents = [data[offset : offset + size] for *_, offset, size in heads]
+    names = [contents[of_names][head[0] :].partition(b"\0")[0].decode() for head in heads]
+    return dict(zip(names, contents, strict=True))
 
 
 @pytest.mark.parametrize(
