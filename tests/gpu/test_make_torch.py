@@ -15,14 +15,20 @@ from redundant_envs.compiler.backends import cuda
 from redundant_envs.envs import torch_lanes
 from redundant_envs.envs.torch_env import ArmTorchVectorEnv
 from redundant_envs.simulator.batch import threads
-from tests.gpu.compared import assert_same, run
+from tests.gpu.compared import actions_of, assert_same, run
 from tests.gpu.emulated import ByDriver, Emulated, driver
 
 STEPS = 20
 FOUR_R, GOALS = "redundant_envs/FourRReach-v0", "redundant_envs/TwoRGoalReachAround-v0"
+NEAR = {"goal_tolerance": 0.5}  # so many have a reward
 SENSORS = {"scene": "cheap_sensors", "info_keys": "all", "autoreset_mode": "same_step"}
-CASES = [(FOUR_R, {}), (GOALS, {"autoreset_mode": "same_step"}), ("redundant_envs/RPRPReach-v0", SENSORS)]
-"""Shared numbers; each lane its own, goals, and a reset within the step; noise and stops."""
+CASES = [
+    (FOUR_R, {}),
+    ("redundant_envs/TwoRGoalReach-v0", {"task": NEAR}),
+    (GOALS, {"autoreset_mode": "same_step", "task": NEAR}),
+    ("redundant_envs/RPRPReach-v0", SENSORS),
+]
+"""Numbers that all lanes share; goals; numbers of each lane, and resets within a step; noise and stops."""
 
 
 @pytest.mark.parametrize(("id", "kwargs"), CASES)
@@ -33,15 +39,17 @@ def test_a_gpu_and_a_cpu_give_the_same_bits(id, kwargs, monkeypatch):
     cpu = rde.make_torch(id, 13, device="cpu", **kwargs)
     gpu = Emulated(id, 13, "cpu", False, kwargs)
     assert_same(gpu.reset(seed=3), cpu.reset(seed=3))
-    run(gpu, cpu, 0, 30)
+    run(gpu, cpu, 0, STEPS)  # in next_step all lanes are due to begin an episode now
     assert_same(gpu.state, cpu.state)
 
     there, back = (rde.make_torch(id, 13, device="cpu", **kwargs), Emulated(id, 13, "cpu", False, kwargs))
-    there.set_state(gpu.get_state())  # in the middle of episodes
+    there.set_state(gpu.get_state())
     back.set_state(there.get_state())
-    run(there, cpu, 30, 40)
-    cpu.set_state(back.get_state())
-    run(back, cpu, 30, 40)
+    for step in range(STEPS, 2 * STEPS + 5):  # until all have begun another one
+        actions = actions_of(cpu, step)
+        wanted = cpu.step(actions)
+        assert_same(there.step(actions), wanted)
+        assert_same(back.step(actions), wanted)
 
     mask = np.arange(13) % 3 == 0
     for again in (

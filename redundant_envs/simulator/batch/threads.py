@@ -218,7 +218,6 @@ class LaneKernel(EpisodeKernel):
             with p.when(due == DUE):
                 self.begin(block)
                 self.observe(block)
-                p.store(p["values"], lane, 0.0)  # the reward, which comes first
         with p.when((p["autoreset"] == Autoreset.SAME_STEP) & (done != 0)):
             self.keep_last(lane)
             self.begin(block)
