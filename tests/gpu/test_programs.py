@@ -28,7 +28,8 @@ def emulated(kind):
 
 @pytest.mark.parametrize("case", CASES)
 def test_scalar_programs_give_the_bits_of_the_cpu(case):
-    compare(emulated(Emulated), case, MODES[[*CASES].index(case) % 2], 10_000, 200)
+    count = 10_000 if case in SCENES else 1_000
+    compare(emulated(Emulated), case, MODES[[*CASES].index(case) % 2], count, 200)
 
 
 @pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc, which compiles PTX as C")
