@@ -1,12 +1,13 @@
 """PPO wholly on one device, in one file: environments, policy, advantages and updates never leave it.
 
-    python -m redundant_envs_train.ppo_on_device --device cpu --total-steps 4000000
+    python -m redundant_envs_train.ppo_on_device
     python -m redundant_envs_train.ppo_on_device --device cuda --num-envs 65536 --batch-size 131072
 
-It has not been run on a GPU yet. The algorithm is PPO with generalised advantages (Schulman et al. 2016,
-2017), normalised advantages, a learning rate that falls to 0, and clipped gradients. On a GPU a rollout is
-one graph. With --replay a CPU does the actions of the first rollout again, and the numbers that differ are
-counted.
+It has not been run on a GPU yet. In the form of CleanRL (Huang et al. 2022, JMLR 23(274), docs.cleanrl.dev),
+every detail is visible: generalised advantages (Schulman et al. 2016, 2017), orthogonal initial weights,
+normalised advantages, a learning rate and an entropy weight that fall to 0, and clipped gradients. On a GPU a
+rollout is one graph. With --replay a CPU does the actions of the first rollout again, and the numbers that
+differ are counted.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Args:
     """Arguments of the command line."""
 
     env_id: str = "redundant_envs/FourRReach-v0"
-    device: str = "cuda"
+    device: str = "cpu"
     seed: int = 0
     total_steps: int = 8_000_000
     num_envs: int = 512
@@ -49,6 +50,15 @@ class Args:
     max_grad_norm: float = 0.5
     evaluation_episodes: int = 1000
     replay: bool = False
+    save: str = ""
+
+
+HELP = {
+    "seed": "0 to 99", "total_steps": "of all environments together",
+    "num_steps": "of every environment between two updates", "learning_rate": "at the beginning; linear to 0",
+    "ent_coef": "weight of the entropy at the beginning; linear to 0", "save": "file for the weights",
+    "replay": "do the first rollout again on a CPU",
+}  # fmt: skip
 
 
 def parse(given: list[str] | None = None) -> Args:
@@ -59,7 +69,7 @@ def parse(given: list[str] | None = None) -> Args:
         how: Any = (
             {"action": "store_true"} if default is False else {"type": type(default), "default": default}
         )
-        parser.add_argument(option, help=" ", **how)  # a blank one shows the default
+        parser.add_argument(option, help=HELP.get(field.name, " "), **how)  # a blank one shows the default
     args = Args(**vars(parser.parse_args(given)))
     if not 0 <= args.seed <= 99:
         parser.error(f"--seed is {args.seed}; give one from 0 to 99: others would meet the frozen goals")
@@ -205,6 +215,7 @@ def train(args: Args, env: Any) -> Agent:
             f"replayed on a CPU: {differences(rollout, state, other)} numbers of the rollout differ",
             flush=True,
         )
+    ends, held = (torch.zeros((), dtype=torch.int64, device=env.device) for _ in range(2))
     for iteration in range(updates):
         remaining = 1.0 - iteration / updates
         optimizer.param_groups[0]["lr"] = remaining * args.learning_rate
@@ -212,12 +223,13 @@ def train(args: Args, env: Any) -> Agent:
         advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
         columns = (rollout.obs[:-1], rollout.actions, rollout.log_probs, advantages, returns)
         update(agent, optimizer, [c.flatten(0, 1) for c in columns], remaining * args.ent_coef, args)
-        if rollout.ended.any() and (iteration % 50 == 0 or iteration == updates - 1):
-            say(
-                f"{(iteration + 1) * of_rollout:>10} steps  {time.perf_counter() - start:5.0f} s  "
-                f"holds {100 * rollout.held[rollout.ended].float().mean().item():5.1f} % while exploring",
-                flush=True,
-            )
+        ends += rollout.ended.sum()
+        held += (rollout.ended & rollout.held).sum()
+        if iteration % 50 == 0 or iteration == updates - 1:
+            share = f"holds {100 * (held / ends).item():5.1f} % while exploring" if ends else "no end yet"
+            steps, seconds = (iteration + 1) * of_rollout, time.perf_counter() - start
+            say(f"{steps:>10} steps  {seconds:5.0f} s  {share}", flush=True)
+            ends, held = torch.zeros_like(ends), torch.zeros_like(held)
         rollout.next()
     return agent
 
@@ -238,7 +250,7 @@ def evaluate(agent: Agent, args: Args) -> float:
 
 
 def main(given: list[str] | None = None) -> None:
-    """Train and evaluate."""
+    """Train, evaluate, and save the weights where that is asked for."""
     args = parse(given)
     torch.set_num_threads(1)  # on a CPU these networks are too small to share
     env = rde.make_torch(args.env_id, args.num_envs, args.device, autoreset_mode="same_step")
@@ -246,6 +258,8 @@ def main(given: list[str] | None = None) -> None:
     agent = train(args, env)
     say(f"trained {args.env_id} with seed {args.seed} in {time.perf_counter() - start:.0f} s")
     say(f"holds {100 * evaluate(agent, args):.1f} % of {args.evaluation_episodes} frozen goals")
+    if args.save:
+        torch.save(agent.state_dict(), args.save)
 
 
 if __name__ == "__main__":

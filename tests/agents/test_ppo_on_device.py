@@ -54,11 +54,17 @@ def test_advantages_are_those_of_the_definition():
             torch.testing.assert_close(advantages[t, lane], torch.as_tensor(total))
 
 
-def test_the_command_trains_and_replays(capsys):
-    ppo.main([*SMALL, "--device", "cpu", "--total-steps", "8000", "--evaluation-episodes", "8", "--replay"])
-    told = capsys.readouterr().out
-    assert "replayed on a CPU: 0 numbers of the rollout differ" in told
-    assert "of 8 frozen goals" in told
+def test_the_command_trains_replays_evaluates_and_saves(capsys, tmp_path):
+    weights = tmp_path / "agent.pt"
+    ppo.main(
+        [*SMALL, "--total-steps", "8192", "--evaluation-episodes", "8", "--replay", "--save", str(weights)]
+    )
+    replayed, *progress, trained, holds = capsys.readouterr().out.splitlines()
+    assert replayed == "replayed on a CPU: 0 numbers of the rollout differ"
+    assert progress[-1].split()[:2] == ["8192", "steps"]
+    assert trained.startswith(f"trained {ID} with seed 0 in ")
+    assert holds.endswith(" % of 8 frozen goals")
+    assert all(torch.isfinite(w).all() for w in torch.load(weights, weights_only=True).values())
 
 
 @pytest.mark.parametrize(
